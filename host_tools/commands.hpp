@@ -1,0 +1,26 @@
+// The subcommands of `leadline`: each adds its options and its help to the command line. The work is
+// behind functions of their own (run_map, run_grid, ...), which tests call without a command line.
+#pragma once
+
+#include <functional>
+
+namespace CLI {
+class App;
+}  // namespace CLI
+
+namespace leadline::host {
+
+/// What the chosen subcommand will do: returns the exit status, may throw HostError.
+using CommandRun = std::function<int()>;
+
+/// Each adds one subcommand to `app`; when it is the one that was given, parsing sets `*run`. `run`
+/// must outlive the parsing.
+void add_map_command(CLI::App* app, CommandRun* run);
+void add_grid_command(CLI::App* app, CommandRun* run);
+void add_query_command(CLI::App* app, CommandRun* run);
+void add_compare_command(CLI::App* app, CommandRun* run);
+void add_table_command(CLI::App* app, CommandRun* run);
+void add_render_command(CLI::App* app, CommandRun* run);
+void add_simulate_command(CLI::App* app, CommandRun* run);
+
+}  // namespace leadline::host

@@ -1,0 +1,180 @@
+#include "host_tools/map_command.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <iostream>
+#include <vector>
+
+#include "host_tools/exit_codes.hpp"
+#include "host_tools/output_dir.hpp"
+#include "host_tools/progress.hpp"
+#include "host_tools/render/render.hpp"
+#include "host_tools/text.hpp"
+
+namespace leadline::host {
+namespace {
+
+/// Rows read before they are integrated: the clock is a system call, and parsing is not to count.
+constexpr std::size_t kBatchRows = 4096;
+
+/// CPU seconds of this process so far.
+double cpu_seconds() {
+  timespec now{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+std::string hex(std::uint64_t value, std::size_t digits) {
+  std::array<char, 20> text{};
+  std::snprintf(text.data(), text.size(), "%0*llx", static_cast<int>(digits),
+                static_cast<unsigned long long>(value));
+  return text.data();
+}
+
+std::string decimals(double value, int digits) {
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "%.*f", digits, value);
+  return text.data();
+}
+
+/// Digits after the point that keep a tenth of the depth's own step (1/256 cell) in metres.
+int raster_decimals(std::int32_t cell_mm) {
+  const double step_m = cell_mm * 1e-3 / 2560.0;
+  return std::clamp(static_cast<int>(std::ceil(-std::log10(step_m))), 3, 9);
+}
+
+/// A range outside what the sonar can measure says nothing about the bottom; "" when it is inside.
+const char* range_rejection(const PingRow& row, const SonarConfig& sonar) {
+  if (!row.has_range) {
+    return "";
+  }
+  // Zero is how many heads say that they heard nothing: never a range, whatever the minimum.
+  if (row.range_um < sonar.min_range_mm * 1000 || row.range_um == 0) {
+    return "range_below_min";
+  }
+  return row.range_um > sonar.max_range_mm * 1000 ? "range_above_max" : "";
+}
+
+/// Reads, sorts out and integrates every row.
+void integrate_all(PingCsvReader* reader, const MapConfig& config, SurveyMap* map,
+                   MapStats* stats) {
+  Progress progress("mapping", reader->bytes_total());
+  std::vector<PingRow> batch;
+  batch.reserve(kBatchRows);
+  bool more = true;
+  while (more) {
+    batch.clear();
+    PingRow row{};
+    while (batch.size() < kBatchRows && (more = reader->next(&row))) {
+      const char* const reason = range_rejection(row, config.sonar);
+      if (*reason != '\0') {
+        stats->rejected[reason] += 1;
+        continue;
+      }
+      batch.push_back(row);
+    }
+    const double begin_s = cpu_seconds();
+    for (const PingRow& ping : batch) {
+      map->integrate(ping);
+    }
+    stats->integrate_seconds += cpu_seconds() - begin_s;
+    stats->pings += batch.size();
+    progress.update_now(reader->bytes_read());
+  }
+  for (const auto& [reason, count] : reader->stats().rejected) {
+    stats->rejected[reason] += count;
+  }
+}
+
+std::string rejected_text(const MapStats& stats) {
+  std::string text;
+  for (const auto& [reason, count] : stats.rejected) {
+    text += (text.empty() ? "" : ", ") + reason + " " + std::to_string(count);
+  }
+  return text;
+}
+
+void print_summary(const MapOptions& options, const MapStats& stats) {
+  const std::string rejected = rejected_text(stats);
+  const double pings_per_s =
+      stats.integrate_seconds > 0 ? static_cast<double>(stats.pings) / stats.integrate_seconds : 0;
+  std::cout << "pings          " << stats.pings << (rejected.empty() ? "" : ", rejected: ")
+            << rejected << "\nintegration    " << decimals(stats.integrate_seconds, 3) << " s CPU, "
+            << decimals(pings_per_s, 0) << " pings/s; " << stats.counters.voxel_updates
+            << " voxel updates, at most " << stats.counters.max_voxels_per_ping
+            << " per ping (bound " << stats.counters.work_bound << ")\nmodel          "
+            << decimals(100.0 * stats.counters.known_fraction, 1) << " % of the voxels known, "
+            << decimals(stats.counters.entropy_bits, 3) << " bits each; map "
+            << hex(stats.counters.map_hash, 16) << ", table " << hex(stats.counters.table_crc, 8)
+            << "\nwritten to     " << options.out_dir
+            << ": model.llm, depth.asc, sigma.asc, depth.png, stats.json\n";
+}
+
+}  // namespace
+
+std::string format_stats_json(const MapStats& stats) {
+  std::string rejected;
+  for (const auto& [reason, count] : stats.rejected) {
+    rejected += (rejected.empty() ? "" : ", ") + json_string(reason) + ": " + std::to_string(count);
+  }
+  const SurveyMapCounters& counters = stats.counters;
+  return "{\n  \"pings\": " + std::to_string(stats.pings) +                     //
+         ",\n  \"rejected\": {" + rejected + "}" +                              //
+         ",\n  \"voxel_updates\": " + std::to_string(counters.voxel_updates) +  //
+         ",\n  \"max_voxels_per_ping\": " + std::to_string(counters.max_voxels_per_ping) +
+         ",\n  \"work_bound\": " + std::to_string(counters.work_bound) +          //
+         ",\n  \"integrate_seconds\": " + json_number(stats.integrate_seconds) +  //
+         ",\n  \"extract_seconds\": " + json_number(stats.extract_seconds) +      //
+         ",\n  \"bytes_per_voxel\": " + json_number(counters.bytes_per_voxel) +   //
+         ",\n  \"entropy_bits\": " + json_number(counters.entropy_bits) +         //
+         ",\n  \"known_fraction\": " + json_number(counters.known_fraction) +     //
+         ",\n  \"table_crc\": " + json_string(hex(counters.table_crc, 8)) +       //
+         ",\n  \"map_hash\": " + json_string(hex(counters.map_hash, 16)) + "\n}\n";
+}
+
+int run_map(const MapOptions& options) {
+  const MapConfig config = load_map_config(options.config_path);
+  SurveyMap map(config);
+
+  PingCsvOptions csv_options;
+  csv_options.strict = options.strict;
+  csv_options.message = [](const std::string& message) {
+    std::cerr << "leadline: map: " << message << "\n";
+  };
+  PingCsvReader reader(options.pings_path, csv_options);
+  OutputDir output(options.out_dir);
+
+  MapStats stats;
+  integrate_all(&reader, config, &map, &stats);
+  if (stats.pings == 0) {
+    throw HostError(ExitCode::kInput,
+                    options.pings_path + ": no row within min_range_mm = " +
+                        std::to_string(config.sonar.min_range_mm) +
+                        " and max_range_mm = " + std::to_string(config.sonar.max_range_mm) + " (" +
+                        rejected_text(stats) + ")");
+  }
+  const double begin_s = cpu_seconds();
+  map.extract();
+  stats.extract_seconds = cpu_seconds() - begin_s;
+  stats.counters = map.counters();
+
+  const int digits = raster_decimals(config.grid.cell_mm);
+  output.write("model.llm", map.save());
+  output.write("depth.asc", format_esri_ascii(map.elevation(), digits));
+  output.write("sigma.asc", format_esri_ascii(map.sigma(), digits));
+  output.write("depth.png", render::depth_png(map.elevation(), render::PictureOptions{}));
+  const std::string json = format_stats_json(stats);
+  output.write("stats.json", json);
+  output.commit();
+  if (options.json) {
+    std::cout << json;
+  } else {
+    print_summary(options, stats);
+  }
+  return static_cast<int>(ExitCode::kOk);
+}
+
+}  // namespace leadline::host

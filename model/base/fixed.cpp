@@ -1,0 +1,119 @@
+#include "model/base/fixed.hpp"
+
+#include <array>
+
+namespace leadline::base {
+namespace {
+
+constexpr int kSineSteps = 1024;  // per quarter turn
+
+// Compile-time only: the compiler evaluates IEEE double arithmetic exactly as specified, so the table
+// has the same bits whatever the host or target; no floating point is left in the object code.
+constexpr std::array<std::int32_t, kSineSteps + 2> make_sine_table() {
+  std::array<std::int32_t, kSineSteps + 2> table{};
+  constexpr double kHalfPi = 1.57079632679489661923;  // constexpr-double
+  for (int i = 0; i <= kSineSteps; ++i) {
+    const double x = kHalfPi * i / kSineSteps;  // constexpr-double
+    double term = x;                            // constexpr-double
+    double sum = x;                             // constexpr-double
+    for (int k = 1; k <= 12; ++k) {
+      term = -term * x * x / ((2.0 * k) * (2.0 * k + 1.0));
+      sum += term;
+    }
+    table[static_cast<std::size_t>(i)] = static_cast<std::int32_t>(sum * kOne_q30 + 0.5);
+  }
+  table[kSineSteps + 1] = table[kSineSteps - 1];
+  return table;
+}
+
+constexpr auto kSineTable = make_sine_table();
+
+// Starting values for the square root: sqrt of the middle of [i, i+1) * 2^24, for i in 64..255.
+constexpr std::array<std::uint16_t, 256> make_sqrt_table() {
+  std::array<std::uint16_t, 256> table{};
+  for (std::uint32_t i = 0; i < 256; ++i) {
+    const std::uint64_t target = (static_cast<std::uint64_t>(i) << 24U) + (1ULL << 23U);
+    std::uint64_t root = 0;
+    for (std::uint64_t bit = 1ULL << 16U; bit != 0; bit >>= 1U) {
+      if ((root + bit) * (root + bit) <= target) {
+        root += bit;
+      }
+    }
+    table[i] = static_cast<std::uint16_t>(root > 0xFFFF ? 0xFFFF : root);
+  }
+  return table;
+}
+
+constexpr auto kSqrtTable = make_sqrt_table();
+
+}  // namespace
+
+std::uint32_t sqrt_u32(std::uint32_t value) {
+  if (value == 0) {
+    return 0;
+  }
+  const int shift = leading_zeros(value) & ~1;  // even, so that the root shifts by half of it
+  const std::uint32_t x = value << static_cast<unsigned>(shift);
+  std::uint32_t root = kSqrtTable[x >> 24U];
+  root = (root + x / root) >> 1U;
+  return root >> static_cast<unsigned>(shift / 2);
+}
+
+std::uint32_t sqrt_u64(std::uint64_t value) {
+  if ((value >> 32U) == 0) {
+    return sqrt_u32(static_cast<std::uint32_t>(value));
+  }
+  const int shift = (33 - leading_zeros64(value)) & ~1;  // brings the value below 2^32, even
+  return sqrt_u32(static_cast<std::uint32_t>(value >> static_cast<unsigned>(shift)))
+         << static_cast<unsigned>(shift / 2);
+}
+
+std::int32_t ratio(std::int64_t numerator, std::int64_t denominator, int shift) {
+  if (denominator <= 0) {
+    return 0;
+  }
+  const bool negative = numerator < 0;
+  std::uint64_t n = negative ? 0 - static_cast<std::uint64_t>(numerator)
+                             : static_cast<std::uint64_t>(numerator);
+  auto d = static_cast<std::uint64_t>(denominator);
+  // Bring the denominator to at most 32 bits and the numerator as high as it goes: then one division.
+  const int lower = 32 - leading_zeros64(d);
+  if (lower > 0) {
+    d >>= static_cast<unsigned>(lower);
+    shift -= lower;
+  }
+  const int room = leading_zeros64(n);
+  int up = min_of(shift, room);
+  if (shift < 0) {
+    up = 0;
+    n = shift > -64 ? n >> static_cast<unsigned>(-shift) : 0;
+    shift = 0;
+  }
+  n <<= static_cast<unsigned>(up);
+  std::uint64_t q = n / d;
+  const int rest = shift - up;
+  if (rest > 0) {
+    q = rest >= leading_zeros64(q) ? 0x7FFFFFFFFFFFFFFFULL : q << static_cast<unsigned>(rest);
+  }
+  const std::uint64_t limit = 0x7FFFFFFFULL;
+  const auto magnitude = static_cast<std::int32_t>(q > limit ? limit : q);
+  return negative ? -magnitude : magnitude;
+}
+
+std::int32_t sin_q30(Bam32 angle_bam32) {
+  // Fold into the first quadrant: bit 31 is the sign, bit 30 mirrors.
+  const std::uint32_t folded =
+      (angle_bam32 & kBam32QuarterTurn) != 0 ? ~angle_bam32 : angle_bam32;
+  const std::uint32_t position = folded & 0x3FFFFFFFU;
+  const std::uint32_t index = position >> 20U;
+  const auto fraction_q20 = static_cast<std::int64_t>(position & 0xFFFFFU);
+  const std::int32_t a = kSineTable[index];
+  const std::int32_t b = kSineTable[index + 1];
+  const auto value =
+      static_cast<std::int32_t>(a + (((static_cast<std::int64_t>(b) - a) * fraction_q20) >> 20));
+  return (angle_bam32 & kBam32HalfTurn) != 0 ? -value : value;
+}
+
+std::int32_t cos_q30(Bam32 angle_bam32) { return sin_q30(angle_bam32 + kBam32QuarterTurn); }
+
+}  // namespace leadline::base

@@ -1,0 +1,76 @@
+// Fixed-point arithmetic of the ping path. Everything here is total (defined for every input),
+// branch-light, O(1), and gives the same bits on every target.
+#pragma once
+
+#include <cstdint>
+
+#include "model/base/units.hpp"
+
+namespace leadline::base {
+
+inline constexpr std::int32_t kOne_q30 = 1 << 30;
+
+/// Number of leading zero bits; 32 for 0.
+[[nodiscard]] constexpr int leading_zeros(std::uint32_t value) {
+  return value == 0 ? 32 : __builtin_clz(value);
+}
+/// Number of leading zero bits; 64 for 0.
+[[nodiscard]] constexpr int leading_zeros64(std::uint64_t value) {
+  return value == 0 ? 64 : __builtin_clzll(value);
+}
+
+/// `value` limited to [low, high].
+template <typename T>
+[[nodiscard]] constexpr T clamp(T value, T low, T high) {
+  return value < low ? low : (value > high ? high : value);
+}
+
+template <typename T>
+[[nodiscard]] constexpr T min_of(T a, T b) {
+  return b < a ? b : a;
+}
+template <typename T>
+[[nodiscard]] constexpr T max_of(T a, T b) {
+  return a < b ? b : a;
+}
+
+/// Product of two fixed-point numbers, shifted down, rounded towards minus infinity. The caller
+/// guarantees that the product fits 64 bits; each use states its ranges.
+[[nodiscard]] constexpr std::int64_t mul_shift(std::int64_t a, std::int64_t b, int shift) {
+  return (a * b) >> shift;
+}
+
+/// floor(value / 2^16) of a Q16 number.
+[[nodiscard]] constexpr std::int32_t floor_q16(std::int32_t value_q16) { return value_q16 >> 16; }
+/// ceil(value / 2^16) of a Q16 number; value_q16 <= INT32_MAX - 65535.
+[[nodiscard]] constexpr std::int32_t ceil_q16(std::int32_t value_q16) {
+  return (value_q16 + 0xFFFF) >> 16;
+}
+
+/// Square root, relative error below 2^-15 (exact for squares below 2^16). A normalized 8-bit table
+/// start and one Newton step: one 32-bit division.
+[[nodiscard]] std::uint32_t sqrt_u32(std::uint32_t value);
+/// The same for 64 bits: relative error below 2^-14.
+[[nodiscard]] std::uint32_t sqrt_u64(std::uint64_t value);
+
+/// numerator / denominator * 2^shift, saturated to 32 bits signed; 0 when denominator <= 0. The
+/// quotient keeps at least 24 significant bits.
+[[nodiscard]] std::int32_t ratio(std::int64_t numerator, std::int64_t denominator, int shift);
+
+/// Sine and cosine in Q30 of a binary angle: absolute error below kSineError_q30.
+[[nodiscard]] std::int32_t sin_q30(Bam32 angle_bam32);
+[[nodiscard]] std::int32_t cos_q30(Bam32 angle_bam32);
+/// Worst absolute error of sin_q30 / cos_q30 in units of 2^-30 (swept by a test).
+inline constexpr std::int32_t kSineError_q30 = 330;
+
+/// One step of a 32-bit mixing function (used for rounding dither, not for security).
+[[nodiscard]] constexpr std::uint32_t mix_u32(std::uint32_t value) {
+  value ^= value >> 16U;
+  value *= 0x7FEB352DU;
+  value ^= value >> 15U;
+  value *= 0x846CA68BU;
+  value ^= value >> 16U;
+  return value;
+}
+
+}  // namespace leadline::base

@@ -1,0 +1,35 @@
+// The depth of one column, read from its voxels and nothing else.
+#pragma once
+
+#include <cstdint>
+
+#include "model/grid.hpp"
+
+namespace leadline::model {
+
+/// What a column says about its surface.
+struct ColumnDepth {
+  std::int32_t depth_q8;  ///< 1/256 cell from the top of the grid, or kUnknownDepth
+  std::uint32_t mass;     ///< sum of `hit` over the column: information in event units
+  bool multi_surface;     ///< a second surface, separated and at least a quarter as strong
+};
+
+/// How a depth is read from the voxels of a column.
+enum class DepthMethod : std::uint8_t {
+  kRobustMoment = 0,   ///< default: centre of the strongest run in a symmetric, tapering window
+  kFirstMoment = 1,    ///< the source's: sum(z S) / sum(S) over voxels with S > 0.7
+  kUpperCrossing = 2,  ///< where S first rises through 0.5, interpolated
+};
+
+/// Robust moment: peak of the smoothed hits; the run around it above a tenth of the peak gives mean
+/// and width; then the mean in a window of 3.5 widths, tapered by 1 - u^2 and kept symmetric about the
+/// estimate (so that the grid's top and bottom do not pull), iterated. Voxels whose evidence against
+/// outweighs the evidence for them by kVetoRatio do not count. O(depth), no division per voxel.
+[[nodiscard]] ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells,
+                                       DepthMethod method);
+
+/// Halves every voxel of the column when one of its halves has passed three quarters of the range;
+/// rounding alternates, so that it is unbiased. Returns whether it did. O(depth).
+bool rescale_column(Voxel* voxels, std::int32_t depth_cells);
+
+}  // namespace leadline::model

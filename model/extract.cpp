@@ -1,0 +1,307 @@
+// Model::extract: depths and their uncertainty from the voxels (method 1.4; DESIGN.md "Extraction").
+#include "model/base/fixed.hpp"
+#include "model/model.hpp"
+
+namespace leadline::model {
+namespace {
+
+using base::clamp;
+using base::max_of;
+using base::min_of;
+using base::mul_shift;
+using base::ratio;
+
+constexpr std::int32_t kReach = 3;  // smoothing window 7 x 7
+constexpr int kWindow = (2 * kReach + 1) * (2 * kReach + 1);
+
+// Roughness: variance that terrain adds per (distance in cells)^4 when a column speaks for another.
+// First pass, and limits of what the residuals of that pass may turn it into.
+constexpr std::int64_t kRoughnessStart_q16 = 3277;   // 0.05
+constexpr std::int64_t kRoughnessLeast_q16 = 328;    // 0.005
+constexpr std::int64_t kRoughnessMost_q16 = 655360;  // 10
+constexpr std::int64_t kRoughnessGain = 4;
+
+// Variance budget of a depth, Q8 factors (DESIGN.md "Sigma").
+constexpr std::int64_t kNoiseFactor_q8 = 758;
+constexpr std::int64_t kBlurFactor_q8 = 222;
+constexpr std::int64_t kReliefFactor_q8 = 223;
+constexpr std::int64_t kRegistrationFactor_q8 = 219;
+constexpr std::int64_t kRounding_q16 = 22;  // of 1/256-cell depths and of voxels: 3e-4 cells^2
+
+// Weighted least squares plane over a window; coordinates relative to its centre.
+struct PlaneSums {
+  std::int64_t s, sn, se, sz, snn, sne, see, snz, sez;
+};
+
+struct Plane {
+  std::int32_t centre_q8;  // at the window's centre
+  std::int32_t north_q8;   // per cell
+  std::int32_t east_q8;
+};
+
+void add(PlaneSums& sums, std::int64_t weight, std::int64_t n, std::int64_t e, std::int64_t z) {
+  sums.s += weight;
+  sums.sn += weight * n;
+  sums.se += weight * e;
+  sums.sz += weight * z;
+  sums.snn += weight * n * n;
+  sums.sne += weight * n * e;
+  sums.see += weight * e * e;
+  sums.snz += weight * n * z;
+  sums.sez += weight * e * z;
+}
+
+// Weights at most 2^14, |n|,|e| <= 3, |z| <= 2^15: sums below 2^37, products below 2^58.
+Plane solve(const PlaneSums& sums) {
+  const std::int64_t ridge = (sums.s * sums.s >> 6) + 1;  // 1/64 cell^2: keeps a line solvable
+  std::int64_t cnn = sums.s * sums.snn - sums.sn * sums.sn + ridge;
+  std::int64_t cee = sums.s * sums.see - sums.se * sums.se + ridge;
+  std::int64_t cne = sums.s * sums.sne - sums.sn * sums.se;
+  std::int64_t cnz = sums.s * sums.snz - sums.sn * sums.sz;
+  std::int64_t cez = sums.s * sums.sez - sums.se * sums.sz;
+  const auto magnitude = [](std::int64_t v) { return static_cast<std::uint64_t>(v < 0 ? -v : v); };
+  const int bits = 64 - base::leading_zeros64(magnitude(cnn) | magnitude(cee) | magnitude(cnz) | magnitude(cez));
+  const int shift = max_of(0, bits - 40);
+  cnn = max_of<std::int64_t>(cnn >> shift, 1);
+  cee = max_of<std::int64_t>(cee >> shift, 1);
+  cne >>= shift;
+  cnz >>= shift;
+  cez >>= shift;
+  const std::int64_t slant_q20 = ratio(cne, cee, 20);
+  const std::int64_t pivot = max_of<std::int64_t>(cnn - mul_shift(slant_q20, cne, 20), 1);
+  const std::int64_t north_q14 = ratio(cnz - mul_shift(slant_q20, cez, 20), pivot, 6);
+  const std::int64_t east_q14 = ratio(cez - ((north_q14 * cne) >> 6), cee, 6);
+  const std::int64_t centre_q14 =
+      ((sums.sz << 6) - north_q14 * sums.sn - east_q14 * sums.se) / sums.s;
+  return Plane{static_cast<std::int32_t>((centre_q14 + 32) >> 6), static_cast<std::int32_t>(north_q14 >> 6),
+               static_cast<std::int32_t>(east_q14 >> 6)};
+}
+
+}  // namespace
+
+void Model::extract_raw(DepthMethod method) {
+  const std::int32_t depth_cells = scale_.size[2];
+  for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {
+    ColumnRecord& record = grid_.column(column);
+    if ((record.flags & kColumnTouched) == 0) {
+      continue;
+    }
+    const ColumnDepth found = column_depth(grid_.column_voxels(column), depth_cells, method);
+    results_[column].raw_q8 = found.depth_q8;
+    results_[column].mass = found.mass;
+    record.flags = static_cast<std::uint8_t>(
+        found.multi_surface ? record.flags | kColumnMultiSurface : record.flags & ~kColumnMultiSurface);
+    record.flags = static_cast<std::uint8_t>(record.flags & ~kColumnDirty);
+  }
+}
+
+void Model::smooth_column(std::int32_t n, std::int32_t e) {
+  ColumnResult& own = results_[grid_.column_index(n, e)];
+  own.depth_q8 = kUnknownDepth;
+  const std::uint8_t flags = grid_.column(grid_.column_index(n, e)).flags;
+  if (own.raw_q8 == kUnknownDepth && (flags & kColumnInsonified) == 0) {
+    return;
+  }
+  // Neighbours, their noise (Q16 cells^2) and depth relative to the column's own.
+  struct Neighbour {
+    std::int32_t n, e, z_q8, distance4;
+    std::int64_t noise_q16;
+  };
+  Neighbour window[kWindow];
+  int count = 0;
+  std::int32_t reference_q8 = own.raw_q8;
+  const std::int64_t unit_q16 = (255 * scale_.min_variance_q12) << 4;
+  for (std::int32_t i = max_of(-kReach, -n); i <= min_of(kReach, scale_.size[0] - 1 - n); ++i) {
+    for (std::int32_t j = max_of(-kReach, -e); j <= min_of(kReach, scale_.size[1] - 1 - e); ++j) {
+      const ColumnResult& other = results_[grid_.column_index(n + i, e + j)];
+      if (other.raw_q8 == kUnknownDepth) {
+        continue;
+      }
+      // A column that a beam has lit without a vote of its own speaks through its neighbours.
+      reference_q8 = reference_q8 == kUnknownDepth ? other.raw_q8 : reference_q8;
+      const std::int32_t distance2 = i * i + j * j;
+      window[count] = Neighbour{i, j, clamp(other.raw_q8 - reference_q8, -32768, 32767), distance2 * distance2,
+                                clamp<std::int64_t>(unit_q16 / other.mass, 1, 1 << 26)};
+      ++count;
+    }
+  }
+  constexpr int kLeastNeighbours = 3;
+  if (own.raw_q8 == kUnknownDepth && count < kLeastNeighbours) {
+    return;
+  }
+  std::int64_t roughness_q16 = kRoughnessStart_q16;
+  for (int pass = 0;; ++pass) {
+    // Weight = 1 / (noise + roughness d^4), scaled so that the largest takes 14 bits.
+    std::int64_t weights[kWindow];
+    std::int64_t largest = 0;
+    for (int i = 0; i < count; ++i) {
+      weights[i] = (1LL << 40) / (window[i].noise_q16 + roughness_q16 * window[i].distance4);
+      largest = max_of(largest, weights[i]);
+    }
+    const int shift = max_of(0, 50 - base::leading_zeros64(static_cast<std::uint64_t>(largest)));
+    PlaneSums sums{};
+    for (int i = 0; i < count; ++i) {
+      weights[i] >>= shift;
+      add(sums, weights[i], window[i].n, window[i].e, window[i].z_q8);
+    }
+    if (sums.s == 0) {
+      return;
+    }
+    const Plane plane = solve(sums);
+    std::int64_t residual = 0;
+    std::int64_t noise = 0;
+    for (int i = 0; i < count; ++i) {
+      const std::int64_t fit = plane.centre_q8 + static_cast<std::int64_t>(plane.north_q8) * window[i].n +
+                               static_cast<std::int64_t>(plane.east_q8) * window[i].e;
+      const std::int64_t miss = clamp<std::int64_t>(window[i].z_q8 - fit, -16384, 16384);
+      residual += weights[i] * miss * miss;
+      noise += weights[i] * window[i].noise_q16;
+    }
+    const std::int64_t residual_q16 = residual / sums.s;
+    const std::int64_t noise_q16 = noise / sums.s;
+    if (pass == 1) {
+      own.depth_q8 = clamp(reference_q8 + plane.centre_q8, 0, 256 * scale_.size[2]);
+      // Variance of the smoothed depth, kept in sigma_q8 as Q16 variance until assess_column().
+      own.sigma_q8 = static_cast<std::uint32_t>(
+          clamp<std::int64_t>((1LL << 40) / max_of<std::int64_t>(sums.s << shift, 1), 1, 1LL << 30));
+      return;
+    }
+    // What the plane leaves beyond noise is terrain: let it narrow the window of the second pass.
+    const std::int64_t spread_q8 = max_of<std::int64_t>(128, ((sums.snn + sums.see) << 8) / sums.s);
+    const std::int64_t excess_q16 = max_of<std::int64_t>(0, residual_q16 - noise_q16 / 2);
+    roughness_q16 = clamp<std::int64_t>(kRoughnessGain * (excess_q16 << 8) / spread_q8, kRoughnessLeast_q16,
+                                        kRoughnessMost_q16);
+  }
+}
+
+// Central difference of the smoothed depths over +-2 cells, one-sided at edges and holes.
+Slope Model::result_slope(std::int32_t n, std::int32_t e) const {
+  const auto derivative = [this, n, e](int axis) -> std::int32_t {
+    std::int32_t span = 0;
+    std::int32_t ends_q8[2] = {0, 0};
+    for (int side = 0; side < 2; ++side) {
+      for (std::int32_t step = 2; step >= 0; --step) {
+        const std::int32_t offset = side == 0 ? -step : step;
+        const std::int32_t nn = axis == 0 ? n + offset : n;
+        const std::int32_t ee = axis == 1 ? e + offset : e;
+        if (nn < 0 || ee < 0 || nn >= scale_.size[0] || ee >= scale_.size[1]) {
+          continue;
+        }
+        const std::int32_t depth_q8 = results_[grid_.column_index(nn, ee)].depth_q8;
+        if (depth_q8 != kUnknownDepth) {
+          ends_q8[side] = depth_q8;
+          span += step;
+          break;
+        }
+      }
+    }
+    return span == 0 ? 0 : ((ends_q8[1] - ends_q8[0]) * 16) / span;
+  };
+  return Slope{derivative(0), derivative(1)};
+}
+
+void Model::assess_column(std::int32_t n, std::int32_t e) {
+  ColumnResult& own = results_[grid_.column_index(n, e)];
+  if (own.depth_q8 == kUnknownDepth) {
+    own.sigma_q8 = 0;
+    return;
+  }
+  const std::int64_t noise_q16 = own.sigma_q8;
+  const ColumnRecord& record = grid_.column(grid_.column_index(n, e));
+
+  // Blur: relief that a plane leaves over three by three columns at the distance of the events' blur.
+  const auto blur_sigma_q8 = static_cast<std::int32_t>(base::sqrt_u32(static_cast<std::uint32_t>(record.blur_q8) << 8U));
+  std::int32_t stride = clamp((3 * blur_sigma_q8 / 2 + 128) >> 8, 1, kMaxFootprintCells);
+  stride = max_of(1, min_of(stride, (min_of(scale_.size[0], scale_.size[1]) - 1) / 2));
+  const std::int32_t window_n = clamp(n, stride, max_of(stride, scale_.size[0] - 1 - stride));
+  const std::int32_t window_e = clamp(e, stride, max_of(stride, scale_.size[1] - 1 - stride));
+  PlaneSums sums{};
+  std::int32_t z_q8[9];
+  int count = 0;
+  for (std::int32_t i = -1; i <= 1; ++i) {
+    for (std::int32_t j = -1; j <= 1; ++j) {
+      const std::int32_t nn = window_n + i * stride;
+      const std::int32_t ee = window_e + j * stride;
+      if (nn < 0 || ee < 0 || nn >= scale_.size[0] || ee >= scale_.size[1]) {
+        continue;
+      }
+      const std::int32_t depth_q8 = results_[grid_.column_index(nn, ee)].depth_q8;
+      if (depth_q8 == kUnknownDepth) {
+        continue;
+      }
+      z_q8[count] = clamp(depth_q8 - own.depth_q8, -32768, 32767);
+      add(sums, 1, i, j, z_q8[count]);
+      ++count;
+    }
+  }
+  std::int64_t blur_q16 = 0;
+  if (count == 9) {
+    // Exact for the full window: orthogonal regressors with sums of squares 9, 6, 6.
+    std::int64_t squares = 0;
+    for (const std::int32_t z : z_q8) {
+      squares += static_cast<std::int64_t>(z) * z;
+    }
+    blur_q16 = max_of<std::int64_t>(
+        0, (squares - sums.sz * sums.sz / 9 - sums.snz * sums.snz / 6 - sums.sez * sums.sez / 6) / 6);
+  }
+
+  // Relief: how much the slope differs from its surroundings, near (4 cells) and regional (32 cells).
+  const Slope slope = result_slope(n, e);
+  std::int64_t near_q24 = 0;
+  std::int64_t regional_n = 0;
+  std::int64_t regional_e = 0;
+  int near_count = 0;
+  int regional_count = 0;
+  for (std::int32_t i = -1; i <= 1; ++i) {
+    for (std::int32_t j = -1; j <= 1; ++j) {
+      const std::int32_t near_n = n + 4 * i;
+      const std::int32_t near_e = e + 4 * j;
+      if (near_n >= 0 && near_e >= 0 && near_n < scale_.size[0] && near_e < scale_.size[1]) {
+        const Slope other = result_slope(near_n, near_e);
+        const std::int64_t dn = slope.north_q12 - other.north_q12;
+        const std::int64_t de = slope.east_q12 - other.east_q12;
+        near_q24 += dn * dn + de * de;
+        ++near_count;
+      }
+      const Slope far = result_slope(clamp(n + 32 * i, 0, scale_.size[0] - 1),
+                                     clamp(e + 32 * j, 0, scale_.size[1] - 1));
+      regional_n += far.north_q12;
+      regional_e += far.east_q12;
+      ++regional_count;
+    }
+  }
+  near_q24 /= 2 * max_of(1, near_count - 1);
+  const std::int64_t apart_n = slope.north_q12 - regional_n / regional_count;
+  const std::int64_t apart_e = slope.east_q12 - regional_e / regional_count;
+  const std::int64_t regional_q24 = apart_n * apart_n + apart_e * apart_e;
+
+  std::int64_t variance_q16 =
+      ((kNoiseFactor_q8 * noise_q16 + kBlurFactor_q8 * blur_q16 +
+        kReliefFactor_q8 * (near_q24 >> 8) +
+        kRegistrationFactor_q8 * mul_shift(regional_q24, registration_q12_, 20)) >> 8) +
+      kRounding_q16;
+  // Declared correlated errors: a floor, never averaged.
+  variance_q16 += correlated_q12_[2] << 4;
+  variance_q16 += mul_shift(static_cast<std::int64_t>(slope.north_q12) * slope.north_q12, correlated_q12_[0], 20);
+  variance_q16 += mul_shift(static_cast<std::int64_t>(slope.east_q12) * slope.east_q12, correlated_q12_[1], 20);
+  own.sigma_q8 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16));
+}
+
+void Model::extract(DepthMethod method) {
+  if (!configured_) {
+    return;
+  }
+  extract_raw(method);
+  for (std::int32_t n = 0; n < scale_.size[0]; ++n) {
+    for (std::int32_t e = 0; e < scale_.size[1]; ++e) {
+      smooth_column(n, e);
+    }
+  }
+  for (std::int32_t n = 0; n < scale_.size[0]; ++n) {
+    for (std::int32_t e = 0; e < scale_.size[1]; ++e) {
+      assess_column(n, e);
+    }
+  }
+}
+
+}  // namespace leadline::model

@@ -1,0 +1,112 @@
+// The voxel grid: storage, addressing, tiles. Voxels are reached only through a page table of tiles,
+// so that tiles can be swapped as the vehicle moves without touching the integrator.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "model/capacity.hpp"
+#include "model/config.hpp"
+
+namespace leadline::model {
+
+/// One voxel: 4 bytes. `hit` is the accumulated weight of the evidence that a surface is here, `miss`
+/// that nothing is. Signal and certainty of the method follow: S = hit / (hit + miss), H = hit + miss,
+/// log-odds L = hit - miss. Both saturate at 65535, explicitly; unknown is (0, 0).
+struct Voxel {
+  std::uint16_t hit;
+  std::uint16_t miss;
+};
+static_assert(sizeof(Voxel) == 4, "at most 4 bytes per voxel for signal and certainty together");
+
+/// A depth that is not known. Depths are in 1/256 cell from the top of the grid, positive down.
+inline constexpr std::int32_t kUnknownDepth = INT32_MIN;
+
+/// Bits of ColumnRecord::flags.
+enum ColumnFlags : std::uint8_t {
+  kColumnTouched = 1U << 0U,       ///< some event wrote into the column
+  kColumnMultiSurface = 1U << 1U,  ///< a second, separate surface stands in the column
+  kColumnDirty = 1U << 2U,         ///< touched since the last extraction of results
+  kColumnInsonified = 1U << 3U,    ///< a cone of empty evidence reached the bottom in the column
+};
+
+/// Side record of one column, outside the voxels: derived or auxiliary, never the source of a depth.
+struct ColumnRecord {
+  std::int32_t depth_q8;         ///< cached column depth for the slope feedback, or kUnknownDepth
+  std::uint32_t mass;            ///< sum of hit at the time of that extraction
+  std::uint32_t gain;            ///< weight added since
+  std::uint32_t last_touch_ds;   ///< age: time of the last event, 0.1 s, low 32 bits of t_us / 1e5
+  std::uint16_t blur_q8;         ///< running mean of the events' lateral variance, cells^2
+  std::uint8_t flags;            ///< ColumnFlags
+  std::uint8_t reserved;         ///< zero
+};
+static_assert(sizeof(ColumnRecord) == 20, "side record per column");
+
+/// Tile number: row-major over the tiles of the grid, north first.
+using TileId = std::uint32_t;
+
+/// State of one tile.
+struct TileRecord {
+  std::uint32_t page;        ///< index of the tile's storage page (its first voxel / voxels per page)
+  std::uint32_t generation;  ///< counts the pings that touched the tile; 0 = never
+};
+
+/// Static storage and index arithmetic. One instance owns everything; not copyable. All functions are
+/// O(1) unless stated. Not thread-safe.
+class Grid {
+ public:
+  Grid() = default;
+  Grid(const Grid&) = delete;
+  Grid& operator=(const Grid&) = delete;
+
+  /// Lays out `size` = {north, east, down} cells and clears everything: O(capacity used).
+  /// kOverCapacity when the padded grid does not fit.
+  [[nodiscard]] base::Status configure(const std::int32_t size[3]);
+
+  [[nodiscard]] std::int32_t north_cells() const { return north_; }
+  [[nodiscard]] std::int32_t east_cells() const { return east_; }
+  [[nodiscard]] std::int32_t depth_cells() const { return depth_; }
+
+  /// Tile that holds column (n, e); the column must be inside the grid.
+  [[nodiscard]] TileId tile_of(std::int32_t n, std::int32_t e) const {
+    return static_cast<TileId>((n >> 4) * tiles_east_ + (e >> 4));
+  }
+  [[nodiscard]] TileId tile_count() const { return tile_count_; }
+  /// Columns in storage, padding of the last tiles included.
+  [[nodiscard]] std::uint32_t column_count() const { return tile_count_ * kTileCells * kTileCells; }
+  [[nodiscard]] TileRecord& tile(TileId id) { return tiles_[id]; }
+  [[nodiscard]] const TileRecord& tile(TileId id) const { return tiles_[id]; }
+
+  /// Index of column (n, e) in storage order (tile by tile).
+  [[nodiscard]] std::uint32_t column_index(std::int32_t n, std::int32_t e) const {
+    const std::uint32_t page = tiles_[tile_of(n, e)].page;
+    return (page << 8U) + static_cast<std::uint32_t>(((n & 15) << 4) | (e & 15));
+  }
+  /// First voxel (top) of a column; depth_cells() voxels follow, contiguous.
+  [[nodiscard]] Voxel* column_voxels(std::uint32_t column) {
+    return voxels_ + static_cast<std::size_t>(column) * static_cast<std::size_t>(depth_);
+  }
+  [[nodiscard]] const Voxel* column_voxels(std::uint32_t column) const {
+    return voxels_ + static_cast<std::size_t>(column) * static_cast<std::size_t>(depth_);
+  }
+  [[nodiscard]] ColumnRecord& column(std::uint32_t column) { return columns_[column]; }
+  [[nodiscard]] const ColumnRecord& column(std::uint32_t column) const { return columns_[column]; }
+
+  /// Hash of one tile's voxels in (north, east, down) order, independent of paging: O(tile).
+  [[nodiscard]] std::uint64_t tile_hash(TileId id) const;
+  /// `map_hash`: 64-bit FNV-1a over all voxels of the grid in (north, east, down) order: O(grid).
+  [[nodiscard]] std::uint64_t map_hash() const;
+
+ private:
+  std::int32_t north_ = 0;
+  std::int32_t east_ = 0;
+  std::int32_t depth_ = 0;
+  std::int32_t tiles_east_ = 0;
+  TileId tile_count_ = 0;
+  // The vector kernels may read and rewrite (unchanged) up to 16 voxels past a column's end.
+  Voxel voxels_[kVoxelCapacity + 64];
+  ColumnRecord columns_[kColumnCapacity];
+  TileRecord tiles_[kTileCapacity];
+};
+
+}  // namespace leadline::model

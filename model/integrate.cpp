@@ -1,0 +1,444 @@
+// Model::integrate and what it consists of: sighting, slope feedback, shell, cone.
+#include "model/base/fixed.hpp"
+#include "model/column_kernels.hpp"
+#include "model/model.hpp"
+
+namespace leadline::model {
+namespace {
+
+using base::clamp;
+using base::max_of;
+using base::min_of;
+using base::mul_shift;
+using base::ratio;
+
+// Strength of the empty evidence of one ping beside the peak of its shell: 1/2. A voxel is a surface
+// when it was hit more than half as often as it was looked through.
+constexpr int kEmptyShift = 1;
+// A column is read again for the slope once its evidence has doubled.
+constexpr std::uint32_t kRegrowth = 2;
+// The slope's columns stand this many lateral standard deviations apart.
+constexpr std::int64_t kSlopeStride = 2;
+// Prior of the slope: as if a flat bottom had been seen with this weight (1 / 0.5^2 per cell^2).
+constexpr std::int64_t kSlopeRidge = 4;
+// Evidence of one column counts for at most this much information (1/cells^2), Q4.
+constexpr std::int64_t kSlopeWeightCap_q4 = 63;
+
+// Confidence of "empty" at (i / 64) of the maximum range, Q15: logit(rho) / logit(0.02) with the
+// source's rho = 0.5 sqrt(r / R_max) (method 1.2), for log-odds; and 1 - 2 rho for the weighted mean,
+// whose evidence against is w (1 - rho).
+constexpr std::uint16_t kEmptyLogit_q15[65] = {32767, 22800, 19647, 17754, 16384, 15301, 14402, 13630, 12952, 12346, 11796, 11293, 10829, 10396, 9991, 9610, 9250, 8908, 8582, 8271, 7972, 7686, 7410, 7144, 6887, 6638, 6397, 6163, 5935, 5713, 5497, 5287, 5081, 4880, 4683, 4490, 4301, 4116, 3934, 3755, 3580, 3407, 3237, 3070, 2905, 2743, 2583, 2425, 2270, 2116, 1964, 1814, 1666, 1519, 1374, 1231, 1089, 949, 809, 672, 535, 399, 265, 132, 0};
+constexpr std::uint16_t kEmptyRho_q15[65] = {0, 2048, 2896, 3547, 4096, 4579, 5017, 5418, 5793, 6144, 6476, 6792, 7094, 7384, 7663, 7932, 8192, 8444, 8689, 8927, 9159, 9385, 9606, 9822, 10033, 10240, 10443, 10642, 10837, 11029, 11217, 11403, 11585, 11765, 11942, 12116, 12288, 12457, 12625, 12790, 12953, 13114, 13273, 13430, 13585, 13738, 13890, 14040, 14189, 14336, 14482, 14626, 14768, 14910, 15050, 15188, 15326, 15462, 15597, 15731, 15864, 15995, 16126, 16255, 16384};
+
+// Entry of the beam weight table at (off / half_width)^2; both Q10, off squared Q20.
+std::uint32_t beam_entry(std::int64_t off2_q20, std::int64_t half_width_q10) {
+  const std::int64_t per_entry = max_of<std::int64_t>((half_width_q10 * half_width_q10) >> 10, 1);
+  const auto dividend = static_cast<std::uint32_t>(min_of<std::int64_t>(off2_q20 >> 4, UINT32_MAX));
+  const auto divisor = static_cast<std::uint32_t>(min_of<std::int64_t>(per_entry, UINT32_MAX));
+  return min_of<std::uint32_t>(dividend / divisor, kBeamWeightSteps);
+}
+
+}  // namespace
+
+PingResult Model::sight(const base::Ping& ping, const base::Pose& pose, Sighting& sighting) const {
+  if ((pose.validity & base::kPoseAll) != base::kPoseAll) {
+    return PingResult::kPoseInvalid;
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::int64_t offset_um = pose.position_um[axis] - scale_.origin_um[axis];
+    const std::int64_t limit_um = static_cast<std::int64_t>(kMaxSideCells) * scale_.cell_um;
+    if (offset_um < -limit_um || offset_um > limit_um) {
+      return PingResult::kTooFar;
+    }
+    sighting.origin_q16[axis] =
+        static_cast<std::int32_t>(mul_shift(offset_um, scale_.inverse_cell_q46, 30));
+    const auto sigma_mm = static_cast<std::int64_t>(
+        min_of<std::uint32_t>(pose.covariance.sigma_position_mm[axis], 1'000'000'000U));
+    const std::int64_t sigma_q12 =
+        min_of<std::int64_t>((sigma_mm * 1000 << 12) / scale_.cell_um, 1 << 20);
+    sighting.position_variance_q12[axis] = mul_shift(sigma_q12, sigma_q12, 12);
+  }
+  if (ping.kind == base::ReturnKind::kProfile) {
+    return PingResult::kProfile;
+  }
+  if (ping.kind == base::ReturnKind::kNoReturn) {
+    sighting.range_q16 = 0;
+    return PingResult::kNoReturn;
+  }
+  if (ping.range_um < config_.min_range_um || ping.range_um <= 0) {
+    return PingResult::kRangeTooShort;
+  }
+  if (ping.range_um > config_.max_range_um) {
+    return PingResult::kRangeTooLong;
+  }
+  sighting.range_q16 =
+      static_cast<std::int32_t>(mul_shift(ping.range_um, scale_.inverse_cell_q46, 30));
+  return PingResult::kFused;
+}
+
+Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
+  const std::int64_t range = sighting.range_q16;
+  const std::int64_t range2_q6 = (range * range) >> 26;
+  const std::int64_t lateral_q12 =
+      mul_shift(range2_q6,
+                static_cast<std::int64_t>(table_.beam_variance_along_q30) + table_.pointing_variance_q30, 24) +
+      max_of(sighting.position_variance_q12[0], sighting.position_variance_q12[1]) + 2048;
+  const auto sigma_q12 = static_cast<std::int64_t>(
+      base::sqrt_u64(static_cast<std::uint64_t>(lateral_q12) << 12U));
+  const auto stride = static_cast<std::int32_t>(
+      clamp<std::int64_t>((kSlopeStride * sigma_q12 + 2048) >> 12, 1, kMaxFootprintCells));
+  const auto centre_n = static_cast<std::int32_t>(
+      (sighting.origin_q16[0] + mul_shift(range, frame.axis.q30[0], 30)) >> 16);
+  const auto centre_e = static_cast<std::int32_t>(
+      (sighting.origin_q16[1] + mul_shift(range, frame.axis.q30[1], 30)) >> 16);
+
+  // Weighted least squares of a plane through up to nine columns; depths relative to the first.
+  std::int64_t s = 0;
+  std::int64_t sn = 0;
+  std::int64_t se = 0;
+  std::int64_t sz = 0;
+  std::int64_t snn = 0;
+  std::int64_t sne = 0;
+  std::int64_t see = 0;
+  std::int64_t snz = 0;
+  std::int64_t sez = 0;
+  std::int32_t reference_q8 = kUnknownDepth;
+  for (std::int32_t i = -1; i <= 1; ++i) {
+    for (std::int32_t j = -1; j <= 1; ++j) {
+      const std::int32_t n = centre_n + i * stride;
+      const std::int32_t e = centre_e + j * stride;
+      if (n < 0 || e < 0 || n >= scale_.size[0] || e >= scale_.size[1]) {
+        continue;
+      }
+      const std::uint32_t index = grid_.column_index(n, e);
+      ColumnRecord& record = grid_.column(index);
+      if (record.gain > (kRegrowth - 1) * record.mass) {
+        Voxel* const voxels = grid_.column_voxels(index);
+        if (rescale_column(voxels, scale_.size[2])) {
+          ++counters_.columns_rescaled;
+        }
+        const ColumnDepth column = column_depth(voxels, scale_.size[2], DepthMethod::kRobustMoment);
+        ++counters_.column_extractions;
+        record.depth_q8 = column.depth_q8;
+        record.mass = column.mass;
+        record.gain = 0;
+      }
+      if (record.depth_q8 == kUnknownDepth) {
+        continue;
+      }
+      reference_q8 = reference_q8 == kUnknownDepth ? record.depth_q8 : reference_q8;
+      // mass / 255 events of variance min_variance: information in 1/cells^2, Q4.
+      const std::int64_t weight = clamp<std::int64_t>(
+          (static_cast<std::int64_t>(record.mass) << 8) / (scale_.min_variance_q12), 1, kSlopeWeightCap_q4);
+      const std::int64_t z = record.depth_q8 - reference_q8;
+      s += weight;
+      sn += weight * i;
+      se += weight * j;
+      sz += weight * z;
+      snn += weight * i * i;
+      sne += weight * i * j;
+      see += weight * j * j;
+      snz += weight * i * z;
+      sez += weight * j * z;
+    }
+  }
+  if (s == 0) {
+    return Slope{0, 0};
+  }
+  // Centred moments times s; the ridge (Q4 information per cell^2) in units of stride^2.
+  const std::int64_t stride2 = static_cast<std::int64_t>(stride) * stride;
+  const std::int64_t ridge = max_of<std::int64_t>(1, s * kSlopeRidge * 16 / stride2);
+  const std::int64_t cnn = s * snn - sn * sn + ridge;
+  const std::int64_t cee = s * see - se * se + ridge;
+  const std::int64_t cne = s * sne - sn * se;
+  const std::int64_t cnz = s * snz - sn * sz;
+  const std::int64_t cez = s * sez - se * sz;
+  const std::int64_t determinant = (cnn * cee - cne * cne) * stride;
+  return Slope{ratio(cnz * cee - cez * cne, determinant, 4), ratio(cez * cnn - cnz * cne, determinant, 4)};
+}
+
+void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
+  const std::int32_t depth_cells = scale_.size[2];
+  const std::uint32_t cut_q16 = kProfileCut2_q8 << 8U;
+  constexpr std::int32_t kCut_q16 = 144179;  // 2.2, sqrt of the above
+  const std::uint16_t* const along = table_.profile_q15[0][event.profile_class];
+  const std::uint16_t* const across = table_.profile_q15[1][event.profile_class];
+  const bool two_axis = table_.two_axis != 0;
+  const std::uint32_t seed = base::mix_u32(ping_number_);
+  // Evidence of the shell: all for, or, in the weighted mean, rho = 1 - 0.5 sqrt(R / R_max) of it.
+  std::uint32_t against_q15 = 0;
+  if (config_.rule == Rule::kWeightedMean) {
+    const auto index = static_cast<std::uint32_t>(
+        (static_cast<std::uint64_t>(event.empty_range_q10 < 0 ? 0 : event.empty_range_q10) *
+         scale_.confidence_scale_q22) >> 22U);
+    against_q15 = kEmptyRho_q15[min_of<std::uint32_t>(index, 64)];
+  }
+  TileId last_tile = UINT32_MAX;
+  for (std::int32_t n = event.north0; n <= event.north1; ++n) {
+    const std::int32_t row = n - event.north0;
+    std::int64_t xi = event.xi0_q16 + static_cast<std::int64_t>(row) * event.xi_dn_q16;
+    std::int64_t eta = event.eta0_q16 + static_cast<std::int64_t>(row) * event.eta_dn_q16;
+    std::int64_t depth = event.depth0_q16 + static_cast<std::int64_t>(row) * event.depth_dn_q16;
+    for (std::int32_t e = event.east0; e <= event.east1;
+         ++e, xi += event.xi_de_q16, eta += event.eta_de_q16, depth += event.depth_de_q16) {
+      if (xi > kCut_q16 || xi < -kCut_q16 || eta > kCut_q16 || eta < -kCut_q16) {
+        continue;
+      }
+      const auto xi2 = static_cast<std::uint32_t>((xi * xi) >> 16);
+      const auto eta2 = static_cast<std::uint32_t>((eta * eta) >> 16);
+      if (xi2 + eta2 >= cut_q16) {
+        continue;
+      }
+      // Entries per unit of m^2: kProfileSteps / 4.84 = 26.45 -> Q16 index.
+      constexpr std::uint32_t kEntries_q10 = 27079;
+      std::uint32_t weight_q7 = 0;
+      if (two_axis) {
+        const std::uint32_t a = along[((xi2 >> 6U) * kEntries_q10) >> 20U];
+        const std::uint32_t b = across[((eta2 >> 6U) * kEntries_q10) >> 20U];
+        weight_q7 = (event.weight_q7 * ((a * b) >> 15U)) >> 15U;
+      } else {
+        weight_q7 = (event.weight_q7 * along[(((xi2 + eta2) >> 6U) * kEntries_q10) >> 20U]) >> 15U;
+      }
+      if (weight_q7 == 0) {
+        continue;
+      }
+      const std::int64_t cell = depth >> 16;
+      const auto phase = static_cast<std::uint32_t>((depth >> 12) & 15);
+      const std::int64_t first_tap = table_.kernel_first[event.level][phase];
+      const std::int64_t start = cell - kKernelCentre + first_tap;
+      const std::int64_t low = max_of<std::int64_t>(start, 0);
+      const std::int64_t high = min_of<std::int64_t>(
+          start + table_.kernel_count[event.level][phase], depth_cells);
+      if (low >= high) {
+        continue;
+      }
+      const std::uint32_t column = grid_.column_index(n, e);
+      const std::int16_t* const taps =
+          table_.kernel_q15[event.level][phase] + (first_tap + (low - start));
+      const auto count = static_cast<std::int32_t>(high - low);
+      const Evidence evidence{weight_q7 - ((weight_q7 * against_q15) >> 15U),
+                              (weight_q7 * against_q15) >> 15U};
+      const std::uint32_t dither = seed + column * 0x85EBCA6BU;
+      add_shell(grid_.column_voxels(column) + low, taps, count, static_cast<std::uint32_t>(low),
+                evidence, dither);
+      voxels_this_ping_ += static_cast<std::uint32_t>(count);
+      ++counters_.columns_updated;
+      ColumnRecord& record = grid_.column(column);
+      record.gain += (weight_q7 >> 7U) + 1U;
+      record.last_touch_ds = now_ds;
+      const std::int32_t change = (static_cast<std::int32_t>(event.blur_q8) - record.blur_q8) / 4;
+      record.blur_q8 = static_cast<std::uint16_t>(
+          (record.flags & kColumnTouched) != 0 ? record.blur_q8 + change : event.blur_q8);
+      record.flags |= kColumnTouched | kColumnDirty;
+      const TileId tile = grid_.tile_of(n, e);
+      if (tile != last_tile) {
+        ++grid_.tile(tile).generation;
+        last_tile = tile;
+      }
+    }
+  }
+}
+
+void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
+                  std::int32_t range_q10, std::uint32_t weight_q7) {
+  if (range_q10 <= 0) {
+    return;
+  }
+  const Cone cone = make_cone(scale_, frame.axis, sighting.origin_q16, range_q10);
+  const std::int64_t depth_cells = scale_.size[2];
+  const std::uint32_t seed = base::mix_u32(ping_number_ ^ 0x5BD1E995U);
+  const std::uint32_t budget = voxels_this_ping_ + cone_budget_;
+  const std::int64_t hn = cone.heading_north_q20;
+  const std::int64_t he = cone.heading_east_q20;
+  const std::int64_t c = cone.axis_horizontal_q20;
+  const std::int64_t s = cone.axis_down_q20;
+  const std::int64_t a = cone.a_q20;
+  const std::int64_t tan_end_q10 = mul_shift(cone.end_q10, cone.tan_q20, 20);
+
+  // Rows north: the horizontal extent of the virtual cone, cut at the transducer's own side.
+  const std::int64_t tip_n = cone.apex_q10[0] + mul_shift(cone.end_q10, frame.axis.q30[0], 30);
+  const std::int64_t tip_e = cone.apex_q10[1] + mul_shift(cone.end_q10, frame.axis.q30[1], 30);
+  const std::int64_t origin_n = sighting.origin_q16[0] >> 6;
+  const std::int64_t origin_e = sighting.origin_q16[1] >> 6;
+  const auto cells_from = [](std::int64_t low_q10, std::int64_t floor_cell) {
+    return max_of<std::int64_t>(floor_cell, (low_q10 - 512 + 1023) >> 10);
+  };
+  const auto cells_to = [](std::int64_t high_q10, std::int64_t cells) {
+    return min_of<std::int64_t>(cells - 1, (high_q10 - 512) >> 10);
+  };
+  const std::int64_t n0 = cells_from(min_of(tip_n - tan_end_q10, origin_n - kTouch_q10), 0);
+  const std::int64_t n1 = cells_to(max_of(tip_n + tan_end_q10, origin_n + kTouch_q10), scale_.size[0]);
+  const std::int64_t box_e0 = min_of(tip_e - tan_end_q10, origin_e - kTouch_q10);
+  const std::int64_t box_e1 = max_of(tip_e + tan_end_q10, origin_e + kTouch_q10);
+  // In a wedge-shaped cone the rows' east limits follow from |across| <= wedge * along.
+  const bool wedge = cone.wedge_q12 != 0;
+  const std::int64_t edge1_q20 = he * 4096 + cone.wedge_q12 * hn;   // coefficients of dn, Q32
+  const std::int64_t edge2_q20 = he * 4096 - cone.wedge_q12 * hn;
+  const std::int64_t lean1_q20 = hn * 4096 - cone.wedge_q12 * he;   // coefficients of de, Q32
+  const std::int64_t lean2_q20 = hn * 4096 + cone.wedge_q12 * he;
+
+  for (std::int64_t n = n0; n <= n1; ++n) {
+    const std::int64_t dn = n * 1024 + 512 - cone.apex_q10[0];
+    std::int64_t low_e = box_e0;
+    std::int64_t high_e = box_e1;
+    if (wedge) {
+      // y = hn de - he dn <= w (hn dn + he de)  ->  lean1 de <= edge1 dn; and the mirror image.
+      const auto limit = [&](std::int64_t lean, std::int64_t edge, bool upper) {
+        if (lean > -(1 << 12) && lean < (1 << 12)) {
+          return;
+        }
+        const std::int64_t bound =
+            cone.apex_q10[1] + static_cast<std::int64_t>(
+                                   (edge >> 12) * dn / (lean >> 12));
+        if ((lean > 0) == upper) {
+          high_e = min_of(high_e, bound + 1);
+        } else {
+          low_e = max_of(low_e, bound - 1);
+        }
+      };
+      limit(lean1_q20, edge1_q20, true);
+      limit(lean2_q20, edge2_q20, false);
+    }
+    const std::int64_t e0 = cells_from(low_e, 0);
+    const std::int64_t e1 = cells_to(high_e, scale_.size[1]);
+    for (std::int64_t e = e0; e <= e1; ++e) {
+      const std::int64_t de = e * 1024 + 512 - cone.apex_q10[1];
+      const std::int64_t x = (hn * dn + he * de) >> 20;  // along the heading, Q10
+      const std::int64_t y = (hn * de - he * dn) >> 20;  // across
+      const std::int64_t tx = mul_shift(cone.tan_q20, x, 20);
+      const std::int64_t disc_q20 = tx * tx - mul_shift(a, y * y, 20);
+      if (disc_q20 < 0) {
+        continue;
+      }
+      const auto root = static_cast<std::int64_t>(base::sqrt_u64(static_cast<std::uint64_t>(disc_q20)));
+      const std::int64_t b = mul_shift(cone.b_q20, x, 20);
+      // Depths (Q10 from the virtual apex) between which the column is inside the forward nappe.
+      std::int64_t top = mul_shift(b - root, cone.inverse_a_q12, 12);
+      std::int64_t bottom = mul_shift(b + root, cone.inverse_a_q12, 12);
+      constexpr std::int64_t kFar_q10 = 1LL << 26;
+      if (a < 0) {
+        if (s > 0) {
+          bottom = kFar_q10;
+        } else {
+          top = -kFar_q10;
+        }
+      } else if (x < 0) {
+        continue;
+      }
+      const std::int64_t p = mul_shift(c, x, 20);
+      // Slant distance along the axis p + s z between the transducer and the end.
+      if (cone.inverse_down_q12 != 0) {
+        const std::int64_t at_start = mul_shift(cone.start_q10 - p, cone.inverse_down_q12, 12);
+        const std::int64_t at_end = mul_shift(cone.end_q10 - p, cone.inverse_down_q12, 12);
+        top = max_of(top, min_of(at_start, at_end));
+        bottom = min_of(bottom, max_of(at_start, at_end));
+      } else if (p < cone.start_q10 || p > cone.end_q10) {
+        continue;
+      }
+      // Voxel k has its centre at k + 0.5.
+      std::int64_t k0 = (top + cone.apex_q10[2] - 512 + 1023) >> 10;
+      std::int64_t k1 = (bottom + cone.apex_q10[2] - 512) >> 10;
+      bool reached = false;
+      if (shell != nullptr && !shell->wall) {
+        // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
+        const std::int64_t plane_q16 =
+            shell->plane0_q16 + n * shell->depth_dn_q16 + e * shell->depth_de_q16;
+        const std::int64_t last = (plane_q16 - kernel_reach_q16(shell->level) - 0x8000) >> 16;
+        reached = k1 > last && (plane_q16 >> 16) < depth_cells;
+        k1 = min_of(k1, last);
+      }
+      k0 = max_of<std::int64_t>(k0, 0);
+      k1 = min_of(k1, depth_cells - 1);
+      if (k0 > k1) {
+        continue;
+      }
+      const std::uint32_t column = grid_.column_index(static_cast<std::int32_t>(n), static_cast<std::int32_t>(e));
+      if (reached) {
+        grid_.column(column).flags |= kColumnInsonified;
+      }
+      Voxel* const voxels = grid_.column_voxels(column);
+      const std::uint32_t dither = seed + column * 0x85EBCA6BU;
+      for (std::int64_t k = k0; k <= k1; k += 8) {
+        const std::int64_t count = min_of<std::int64_t>(8, k1 - k + 1);
+        if (voxels_this_ping_ + count > budget) {
+          ++counters_.cones_cut;
+          return;
+        }
+        // Off-axis position and distance of the run's middle.
+        const std::int64_t z = k * 1024 + count * 512 - cone.apex_q10[2];
+        const std::int64_t slant = max_of<std::int64_t>(p + mul_shift(s, z, 20), 1);
+        const std::int64_t from_head = max_of<std::int64_t>(0, slant - cone.start_q10);
+        std::uint32_t beam_q15 = 0;
+        if (table_.two_axis == 0) {
+          const std::int64_t off = mul_shift(s, x, 20) - mul_shift(c, z, 20);
+          beam_q15 = table_.beam_weight_q15[0][beam_entry(off * off + y * y, mul_shift(cone.tan_q20, slant, 20))];
+        } else {
+          const std::int64_t offset_along = (frame.along.q30[0] * dn + frame.along.q30[1] * de +
+                                             frame.along.q30[2] * z) >> 30;
+          const std::int64_t offset_across = (frame.across.q30[0] * dn + frame.across.q30[1] * de +
+                                              frame.across.q30[2] * z) >> 30;
+          const std::uint32_t entry_a = beam_entry(
+              offset_along * offset_along, kTouch_q10 + mul_shift(scale_.tan_along_q20, from_head, 20));
+          const std::uint32_t entry_b = beam_entry(
+              offset_across * offset_across, kTouch_q10 + mul_shift(scale_.tan_across_q20, from_head, 20));
+          if (entry_a >= kBeamWeightSteps || entry_b >= kBeamWeightSteps) {
+            continue;
+          }
+          beam_q15 = (static_cast<std::uint32_t>(table_.beam_weight_q15[0][entry_a]) *
+                      table_.beam_weight_q15[1][entry_b]) >> 15U;
+        }
+        const auto distance = static_cast<std::uint32_t>(min_of<std::int64_t>(
+            mul_shift(from_head, scale_.confidence_scale_q22, 22), 64));
+        const std::uint32_t strength_q7 = (weight_q7 * beam_q15) >> 15U;
+        Evidence evidence{};
+        if (config_.rule == Rule::kLogOdds) {
+          evidence.miss_q7 = (strength_q7 * kEmptyLogit_q15[distance]) >> 15U;
+        } else {
+          evidence.hit_q7 = (strength_q7 * kEmptyRho_q15[distance]) >> 15U;
+          evidence.miss_q7 = strength_q7 - evidence.hit_q7;
+        }
+        add_uniform(voxels + k, static_cast<std::int32_t>(count), static_cast<std::uint32_t>(k), evidence,
+                    dither);
+        voxels_this_ping_ += static_cast<std::uint32_t>(count);
+      }
+    }
+  }
+}
+
+PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose) {
+  voxels_this_ping_ = 0;
+  if (!configured_) {
+    ++counters_.pings[static_cast<int>(PingResult::kNotConfigured)];
+    return PingResult::kNotConfigured;
+  }
+  Sighting sighting{};
+  const PingResult result = sight(ping, pose, sighting);
+  ++counters_.pings[static_cast<int>(result)];
+  const bool empty = result == PingResult::kNoReturn && config_.no_return == NoReturnPolicy::kEmpty;
+  if (result != PingResult::kFused && !empty) {
+    return result;
+  }
+  ++ping_number_;
+  const BeamFrame frame = beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32,
+                                     ping.rotation_bam32);
+  if (empty) {
+    const std::int64_t range_q16 = mul_shift(config_.detect_range_um, scale_.inverse_cell_q46, 30);
+    carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), 255 * 16);
+  } else {
+    const Slope slope = estimate_slope(frame, sighting);
+    const ShellEvent event = make_shell(scale_, table_, frame, sighting, slope);
+    const auto now_ds = static_cast<std::uint32_t>(ping.t_transmit_us / 100'000);
+    add_shell_event(event, now_ds);
+    // The empty evidence of one ping is a fixed part of its shell's peak.
+    const std::uint32_t peak_q15 =
+        static_cast<std::uint32_t>(table_.kernel_q15[event.level][kKernelPhases / 2][kKernelCentre]);
+    carve(frame, sighting, &event, event.empty_range_q10,
+          ((event.weight_q7 * peak_q15) >> 15U) >> kEmptyShift);
+  }
+  counters_.voxel_updates += voxels_this_ping_;
+  counters_.last_voxels_per_ping = voxels_this_ping_;
+  counters_.max_voxels_per_ping = max_of(counters_.max_voxels_per_ping, voxels_this_ping_);
+  return result;
+}
+
+}  // namespace leadline::model

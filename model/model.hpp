@@ -1,0 +1,126 @@
+// The model: pings in, voxels, depths out. Stochastic backprojection (Stewart 1988; method 1) in
+// integers: see DESIGN.md for what was chosen and why.
+//
+// A Model is a large static object (capacity.hpp): define it at namespace scope, never on a stack. It
+// allocates nothing, reads no clock, does no I/O, and its result depends only on the sequence of calls.
+// Not thread-safe: one owner.
+#pragma once
+
+#include <cstdint>
+
+#include "model/base/ping.hpp"
+#include "model/base/pose.hpp"
+#include "model/base/status.hpp"
+#include "model/column_depth.hpp"
+#include "model/config.hpp"
+#include "model/event.hpp"
+#include "model/grid.hpp"
+#include "model/localization_table.hpp"
+#include "model/work_bound.hpp"
+
+namespace leadline::model {
+
+/// What became of a ping.
+enum class PingResult : std::uint8_t {
+  kFused = 0,         ///< written (possibly clipped by the grid, possibly to nothing)
+  kNoReturn = 1,      ///< no return: ignored, or carved empty, by policy
+  kRangeTooShort = 2,
+  kRangeTooLong = 3,
+  kPoseInvalid = 4,   ///< a validity bit is missing
+  kTooFar = 5,        ///< the transducer is over kMaxSideCells from the grid's origin
+  kProfile = 6,       ///< a profile that no detector has turned into a range
+  kNotConfigured = 7,
+  kCount = 8,
+};
+
+/// Short name for statistics (`range_too_short`, ...).
+[[nodiscard]] const char* ping_result_name(PingResult result);
+
+/// Never-decreasing counters since configure().
+struct ModelCounters {
+  std::uint64_t pings[static_cast<int>(PingResult::kCount)];
+  std::uint64_t voxel_updates;         ///< voxels written
+  std::uint64_t columns_updated;       ///< shell columns written
+  std::uint64_t column_extractions;    ///< columns read for the slope feedback
+  std::uint64_t columns_rescaled;      ///< evidence halved because a voxel neared saturation
+  std::uint64_t cones_cut;             ///< cones that met their budget before their end
+  std::uint32_t max_voxels_per_ping;
+  std::uint32_t last_voxels_per_ping;
+};
+
+/// Result of an extraction for one column.
+struct ColumnResult {
+  std::int32_t raw_q8;      ///< depth of the column's own voxels, or kUnknownDepth
+  std::uint32_t mass;       ///< their evidence, event units
+  std::int32_t depth_q8;    ///< depth after certainty-matched smoothing, or kUnknownDepth
+  std::uint32_t sigma_q8;   ///< one sigma of depth_q8, 1/256 cell
+};
+
+class Model {
+ public:
+  Model() = default;
+  Model(const Model&) = delete;
+  Model& operator=(const Model&) = delete;
+
+  /// Checks and adopts a configuration and a table (both copied); clears the map. O(grid).
+  /// kInvalidArgument, kBadVersion, kBadChecksum, kTruncated: the table; kOutOfRange: a value;
+  /// kOverCapacity: the grid; kOverBudget: bound() exceeds the configured budget.
+  [[nodiscard]] base::Status configure(const ModelConfig& config, const void* table_bytes,
+                                       std::size_t table_size_bytes);
+
+  [[nodiscard]] const ModelConfig& config() const { return config_; }
+  [[nodiscard]] const LocalizationTable& table() const { return table_; }
+  /// Work bound of the configuration; valid after configure(), also when it returned kOverBudget.
+  [[nodiscard]] const WorkBound& bound() const { return bound_; }
+  [[nodiscard]] const ModelCounters& counters() const { return counters_; }
+  [[nodiscard]] const Scale& scale() const { return scale_; }
+  [[nodiscard]] const Grid& grid() const { return grid_; }
+  [[nodiscard]] Grid& grid() { return grid_; }
+
+  /// Merges one ping seen from `pose` (the transducer's own pose at the ping: lever arms applied).
+  /// Bounded: at most bound().total_voxels voxels written, kSlopeColumns columns read. Never fails on
+  /// data: what cannot be used is counted and reported.
+  PingResult integrate(const base::Ping& ping, const base::Pose& pose);
+
+  /// Depth, smoothing and uncertainty of every touched column: O(grid). Does not change the voxels or
+  /// anything that later pings depend on.
+  void extract(DepthMethod method = DepthMethod::kRobustMoment);
+  /// Result of the last extract() for column (n, e).
+  [[nodiscard]] const ColumnResult& result(std::int32_t n, std::int32_t e) const {
+    return results_[grid_.column_index(n, e)];
+  }
+  /// True if a second surface was seen in the column at the last extract().
+  [[nodiscard]] bool multi_surface(std::int32_t n, std::int32_t e) const {
+    return (grid_.column(grid_.column_index(n, e)).flags & kColumnMultiSurface) != 0;
+  }
+
+  /// Columns that one ping reads for the slope of the bottom.
+  static constexpr int kSlopeColumns = 9;
+
+ private:
+  [[nodiscard]] PingResult sight(const base::Ping& ping, const base::Pose& pose, Sighting& sighting) const;
+  [[nodiscard]] Slope estimate_slope(const BeamFrame& frame, const Sighting& sighting);
+  void add_shell_event(const ShellEvent& event, std::uint32_t now_ds);
+  void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
+             std::int32_t range_q10, std::uint32_t weight_q7);
+  void extract_raw(DepthMethod method);
+  void smooth_column(std::int32_t n, std::int32_t e);
+  void assess_column(std::int32_t n, std::int32_t e);
+  [[nodiscard]] Slope result_slope(std::int32_t n, std::int32_t e) const;
+
+  ModelConfig config_{};
+  LocalizationTable table_{};
+  Scale scale_{};
+  WorkBound bound_{};
+  ModelCounters counters_{};
+  bool configured_ = false;
+  std::uint32_t ping_number_ = 0;
+  std::uint32_t voxels_this_ping_ = 0;
+  std::int64_t correlated_q12_[3] = {};     // cells^2
+  std::int64_t registration_q12_ = 0;       // cells^2, see DESIGN.md
+  std::uint32_t cone_budget_ = 0;
+  Grid grid_;
+  ColumnResult results_[kColumnCapacity];
+};
+
+}  // namespace leadline::model

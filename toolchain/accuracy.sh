@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Maps the scenes with known truth, compares with the baselines and prints the tables of model/README.md.
+#
+# usage: toolchain/accuracy.sh [--scenes DIR] [--out DIR] [--no-build] [NAME...]
+#   --scenes DIR   folder of scenes (default: $LEADLINE_DATA/scenes, or ../shared/data/scenes); each is a
+#                  folder with pings.csv, map.toml, truth.asc and touched.asc
+#   --out DIR      where maps, grids and accuracy.json go (default out/accuracy)
+#   --no-build     take build/release as it is
+#   NAME...        only these scenes (default: all)
+#
+# One parameter set for all scenes: only what each map.toml states differs. Exit code 0: every bound
+# holds; 1: one does not (each is named); 2: usage; 77: no scenes on this machine.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+
+build=1
+arguments=()
+while [ $# -gt 0 ]; do
+  case $1 in
+    --scenes | --out)
+      [ $# -ge 2 ] || usage_error "$1 wants a folder"
+      arguments+=("$1" "$(realpath -m "$2")")
+      shift
+      ;;
+    --no-build) build=0 ;;
+    -h | --help)
+      print_help
+      exit 0
+      ;;
+    -*) usage_error "unknown option $1" ;;
+    *) arguments+=("$1") ;;
+  esac
+  shift
+done
+
+if [ "$build" -eq 1 ]; then
+  "$root/toolchain/setup.sh"
+  configure_and_build release leadline octomap_scene
+fi
+exec python3 "$root/toolchain/accuracy.py" --root "$root" "${arguments[@]}"

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Measures which lines of model/ the tests run, and fails below the bound.
+#
+# usage: toolchain/coverage.sh [--min PERCENT] [--label REGEX]
+#   --min PERCENT   lines of model/ that must run (default 95)
+#   --label REGEX   which tests run, by ctest label (default: fast and ci)
+#
+# Leaves build/coverage/coverage.html (line by line) and build/coverage/coverage.txt.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+
+minimum=95
+label='^(fast|ci)$'
+while [ $# -gt 0 ]; do
+  case $1 in
+    --min | --label)
+      [ $# -ge 2 ] || usage_error "$1 wants a value"
+      if [ "$1" = --min ]; then minimum=$2; else label=$2; fi
+      shift
+      ;;
+    -h | --help)
+      print_help
+      exit 0
+      ;;
+    *) usage_error "unknown option $1" ;;
+  esac
+  shift
+done
+
+command -v gcovr >/dev/null || die "gcovr is missing: toolchain/setup.sh --checks"
+configure_and_build coverage
+build="$root/build/coverage"
+# Counts of an earlier run would hide a test that no longer runs.
+find "$build" -name '*.gcda' -delete
+run_ctest coverage -L "$label"
+gcovr --root "$root" --object-directory "$build" --filter "$root/model/" \
+  --exclude-unreachable-branches --html-details "$build/coverage.html" --txt "$build/coverage.txt" \
+  --fail-under-line "$minimum" --print-summary ||
+  die "below $minimum % of the lines of model/: see $build/coverage.txt"

@@ -1,0 +1,72 @@
+# Shared by the scripts of this folder; sourced, never run. Sets $root and $jobs and goes nowhere: every
+# script works from any folder.
+# shellcheck shell=bash
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+# LEADLINE_JOBS: how many compilers and tests at once (default: one per core).
+jobs=${LEADLINE_JOBS:-$(nproc)}
+script_name=$(basename "$0")
+
+say() { printf '\n== %s\n' "$*"; }
+warn() { printf '%s: %s\n' "$script_name" "$*" >&2; }
+die() {
+  warn "$*"
+  exit 1
+}
+usage_error() {
+  warn "$* (see --help)"
+  exit 2
+}
+
+# The comment block at the top of the calling script is its --help.
+print_help() { sed -n '2,/^[^#]/{/^#/!q;s/^# \{0,1\}//;p}' "$0"; }
+
+# configure_and_build PRESET [TARGET...]
+configure_and_build() {
+  local preset=$1
+  shift
+  # Preset files are found from the source folder only.
+  (cd "$root" && cmake --preset "$preset" --log-level=NOTICE) || return 1
+  local targets=()
+  [ $# -eq 0 ] || targets=(--target "$@")
+  (cd "$root" && cmake --build --preset "$preset" --parallel "$jobs" "${targets[@]}")
+}
+
+# run_ctest PRESET OPTIONS... : the log stays in build/PRESET/ctest.log, each test's limit holds, and
+# --timeout is the net below it.
+run_ctest() {
+  local preset=$1
+  shift
+  local log="$root/build/$preset/ctest.log"
+  ctest --test-dir "$root/build/$preset" --parallel "$jobs" --timeout 3600 --no-tests=error \
+    --output-on-failure "$@" 2>&1 | tee "$log"
+}
+
+# Steps with their time; a failed step does not hide what the later ones would have found.
+step_names=()
+step_seconds=()
+step_results=()
+step() {
+  local name=$1
+  shift
+  say "$name"
+  local start=$SECONDS result=ok
+  # Called under "if", where errexit does not reach: every function used here says return 1 itself.
+  if ! "$@"; then
+    result=FAILED
+  fi
+  step_names+=("$name")
+  step_seconds+=($((SECONDS - start)))
+  step_results+=("$result")
+  [ "$result" = ok ]
+}
+step_summary() {
+  local i failed=0
+  printf '\n%-44s %8s  %s\n' step seconds result
+  for i in "${!step_names[@]}"; do
+    printf '%-44s %8d  %s\n' "${step_names[i]}" "${step_seconds[i]}" "${step_results[i]}"
+    [ "${step_results[i]}" = ok ] || failed=1
+  done
+  printf '%-44s %8d\n' total "$SECONDS"
+  return $failed
+}

@@ -1,0 +1,81 @@
+#!/usr/bin/env bash
+# Installs what is missing from Debian 12 to build, run and test Leadline.
+#
+# usage: toolchain/setup.sh [--checks] [--dry-run]
+#   --checks    also what the ci and full tiers need: clang 14 tools and gcovr
+#   --dry-run   only tell what is missing; exit code 1 when something is
+#
+# Does nothing, and needs no rights, when nothing is missing; otherwise it needs root or sudo. Never
+# installs cross compilers. Afterwards:
+#   cmake --preset release && cmake --build --preset release
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+
+# Compiler and build; libraries of host_tools; the demo's font; tests; benches.
+packages=(
+  g++ cmake ninja-build pkg-config python3
+  libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev
+  fonts-dejavu-core
+  libcmocka-dev
+  libbenchmark-dev liboctomap-dev
+)
+# libclang-rt: the sanitizer and fuzzer libraries, which clang only recommends. llvm: readable reports.
+check_packages=(clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr)
+
+dry_run=0
+while [ $# -gt 0 ]; do
+  case $1 in
+    --checks) packages+=("${check_packages[@]}") ;;
+    --dry-run) dry_run=1 ;;
+    -h | --help)
+      print_help
+      exit 0
+      ;;
+    *) usage_error "unknown option $1" ;;
+  esac
+  shift
+done
+
+if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
+  die "this is no Debian: install by other means what corresponds to: ${packages[*]}"
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+  # One line per architecture that dpkg has heard of.
+  if ! dpkg-query --show --showformat='${db:Status-Status}\n' "$package" 2>/dev/null |
+    grep -qx installed; then
+    missing+=("$package")
+  fi
+done
+
+if [ ${#missing[@]} -eq 0 ]; then
+  echo "setup: nothing is missing"
+  exit 0
+fi
+echo "setup: missing: ${missing[*]}"
+[ "$dry_run" -eq 0 ] || exit 1
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo >/dev/null || die "run as root, or install sudo, to install: ${missing[*]}"
+  as_root=(sudo)
+fi
+apt_get() {
+  # Another apt on the machine is waited for. No recommended packages: libgdal-dev alone would bring
+  # hundreds of MB that nothing here uses.
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 \
+    -o Acquire::Retries=3 "$@" </dev/null
+}
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+quietly() {
+  if ! "$@" >"$log" 2>&1; then
+    cat "$log" >&2
+    die "failed: $*"
+  fi
+}
+quietly apt_get update
+echo "setup: installing ${#missing[@]} packages and what they need (a few minutes on a fresh machine)"
+quietly apt_get install -y --no-install-recommends "${missing[@]}"
+echo "setup: done"

@@ -1,0 +1,88 @@
+#!/usr/bin/env bash
+# Runs the long trials and reports what was reached.
+#
+# usage: toolchain/soak.sh [--minutes N]
+#   --minutes N   in all (default 60): a third each for fuzzing and for mapping; the tests labelled full
+#                 take what they take
+#
+#   tests     those labelled full, release build
+#   fuzzing   every fuzz target in turn
+#   mapping   the demo survey over and over: each run must give the first run's map_hash and counts, and
+#             peak memory must not grow
+#
+# Leaves logs in out/soak/. Exit code 0: everything held; the table at the end says for how long.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+
+minutes=60
+while [ $# -gt 0 ]; do
+  case $1 in
+    --minutes)
+      [ $# -ge 2 ] || usage_error "--minutes wants a number"
+      minutes=$2
+      shift
+      ;;
+    -h | --help)
+      print_help
+      exit 0
+      ;;
+    *) usage_error "unknown option $1" ;;
+  esac
+  shift
+done
+case $minutes in '' | *[!0-9]* | 0) usage_error "--minutes wants a whole number from 1" ;; esac
+
+out="$root/out/soak"
+rm -rf "$out"
+mkdir -p "$out"
+leadline="$root/build/release/host_tools/leadline"
+
+fuzz_all() {
+  local targets=("$root"/tests/fuzz/fuzz_*.cpp)
+  local each=$((minutes * 20 / ${#targets[@]}))
+  "$root/toolchain/fuzz.sh" --seconds $((each > 0 ? each : 1))
+}
+
+map_again_and_again() {
+  "$leadline" simulate --out "$out/survey" || return 1
+  python3 - "$leadline" "$out" $((minutes * 20)) <<'PYTHON'
+import json, os, subprocess, sys, time
+
+leadline, out, seconds = sys.argv[1], sys.argv[2], float(sys.argv[3])
+# What must not differ from run to run; times may.
+SAME = ("map_hash", "pings", "rejected", "voxel_updates", "max_voxels_per_ping", "table_crc")
+end = time.monotonic() + seconds
+first, runs, pings, first_peak, peak = None, 0, 0, 0, 0
+while runs == 0 or time.monotonic() < end:
+    child = subprocess.Popen([leadline, "map", "--pings", f"{out}/survey/pings.csv", "--config",
+                              f"{out}/survey/map.toml", "--out", f"{out}/map"],
+                             stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(child.pid, 0)
+    if status != 0:
+        sys.exit(f"soak: run {runs + 1} ended with status {status}")
+    with open(f"{out}/map/stats.json", encoding="utf-8") as stream:
+        stats = json.load(stream)
+    result = {key: stats.get(key) for key in SAME}
+    first = first or result
+    if result != first:
+        sys.exit(f"soak: run {runs + 1} gave {result}, the first one {first}")
+    runs += 1
+    pings += stats["pings"]
+    first_peak = first_peak or usage.ru_maxrss
+    peak = max(peak, usage.ru_maxrss)
+    # Each run is a process of its own: growth would mean that it depends on what the last one left.
+    if peak > 1.1 * first_peak:
+        sys.exit(f"soak: peak memory grew from {first_peak} to {peak} KiB")
+print(f"mapping: {runs} runs, {pings} pings, map_hash {first['map_hash']} each time, "
+      f"peak {peak / 1024:.0f} MiB")
+PYTHON
+}
+
+"$root/toolchain/setup.sh" --checks
+step "build release" configure_and_build release || { step_summary; exit 1; }
+step "tests labelled full" run_ctest release -L '^full$' || true
+step "fuzzing, $minutes/3 min" fuzz_all || true
+step "mapping, $minutes/3 min" map_again_and_again || true
+grep -h '^stat::number_of_executed_units' "$root"/out/fuzz/*/log 2>/dev/null |
+  awk '{n += $2} END {if (NR) print "fuzzing: " NR " targets, " n " inputs"}' || true
+step_summary
