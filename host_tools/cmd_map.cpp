@@ -21,6 +21,10 @@ void add_map_command(CLI::App* app, CommandRun* run) {
       ->type_name("DIR")
       ->required();
   command->add_flag("--strict", options->strict, "Stop at the first row that cannot be used");
+  command
+      ->add_option("--work-budget", options->work_budget_voxels,
+                   "Refuse a configuration in which one ping can touch more voxels than this")
+      ->type_name("VOXELS");
   command->add_flag("--json", options->json, "Print stats.json instead of a summary");
   command->footer(
       "DIR receives model.llm (the voxels, for `render` and `query`), depth.asc and sigma.asc\n"

@@ -1,11 +1,25 @@
+#include <iostream>
 #include <memory>
 
 #include <CLI/CLI.hpp>
 
 #include "host_tools/commands.hpp"
+#include "host_tools/exit_codes.hpp"
+#include "host_tools/model_file.hpp"
 #include "host_tools/query.hpp"
 
 namespace leadline::host {
+
+int run_query(const QueryOptions& options) {
+  const PointMm from_mm = parse_point("--from", options.from);
+  const PointMm to_mm = parse_point("--to", options.to);
+  const SavedModel saved = load_model_file(options.map_path);
+  const VoxelStates voxels = voxel_states(saved);
+  std::cout << (options.box
+                    ? format_box_answer(query_box(voxels, from_mm, to_mm), options.json)
+                    : format_segment_answer(query_segment(voxels, from_mm, to_mm), options.json));
+  return static_cast<int>(ExitCode::kOk);
+}
 
 void add_query_command(CLI::App* app, CommandRun* run) {
   const auto options = std::make_shared<QueryOptions>();

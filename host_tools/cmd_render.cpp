@@ -1,4 +1,6 @@
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -6,6 +8,7 @@
 
 #include "host_tools/commands.hpp"
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/model_file.hpp"
 #include "host_tools/render/render.hpp"
 #include "host_tools/text.hpp"
 
@@ -52,6 +55,15 @@ int run(const RenderArguments& arguments) {
   if (!arguments.axis_name.empty()) {
     options.slice_axis = static_cast<render::VoxelAxis>(
         choice("--axis", arguments.axis_name, {"north", "east", "down"}));
+  }
+  // The voxels, where there are any: pictures of a single raster do not need them.
+  const bool wants_voxels = !options.view || *options.view == render::View::kSlice ||
+                            *options.view == render::View::kHistogram;
+  std::error_code ignored;
+  std::optional<SavedModel> saved;
+  if (wants_voxels && std::filesystem::exists(options.input_path + "/model.llm", ignored)) {
+    saved = load_model_file(options.input_path);
+    options.voxels = voxel_field(*saved);
   }
   return render::run_render(options);
 }

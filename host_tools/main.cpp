@@ -100,8 +100,11 @@ int main(int argc, char** argv) {
       "4 output, 5 comparison failed, 1 internal error.");
 
   CommandRun run;
+  leadline::host::add_map_command(&app, &run);
   leadline::host::add_grid_command(&app, &run);
+  leadline::host::add_query_command(&app, &run);
   leadline::host::add_compare_command(&app, &run);
+  leadline::host::add_table_command(&app, &run);
   leadline::host::add_render_command(&app, &run);
   leadline::host::add_simulate_command(&app, &run);
 

@@ -46,21 +46,8 @@ int raster_decimals(std::int32_t cell_mm) {
   return std::clamp(static_cast<int>(std::ceil(-std::log10(step_m))), 3, 9);
 }
 
-/// A range outside what the sonar can measure says nothing about the bottom; "" when it is inside.
-const char* range_rejection(const PingRow& row, const SonarConfig& sonar) {
-  if (!row.has_range) {
-    return "";
-  }
-  // Zero is how many heads say that they heard nothing: never a range, whatever the minimum.
-  if (row.range_um < sonar.min_range_mm * 1000 || row.range_um == 0) {
-    return "range_below_min";
-  }
-  return row.range_um > sonar.max_range_mm * 1000 ? "range_above_max" : "";
-}
-
 /// Reads, sorts out and integrates every row.
-void integrate_all(PingCsvReader* reader, const MapConfig& config, SurveyMap* map,
-                   MapStats* stats) {
+void integrate_all(PingCsvReader* reader, SurveyMap* map, MapStats* stats) {
   Progress progress("mapping", reader->bytes_total());
   std::vector<PingRow> batch;
   batch.reserve(kBatchRows);
@@ -69,19 +56,17 @@ void integrate_all(PingCsvReader* reader, const MapConfig& config, SurveyMap* ma
     batch.clear();
     PingRow row{};
     while (batch.size() < kBatchRows && (more = reader->next(&row))) {
-      const char* const reason = range_rejection(row, config.sonar);
-      if (*reason != '\0') {
-        stats->rejected[reason] += 1;
-        continue;
-      }
       batch.push_back(row);
     }
     const double begin_s = cpu_seconds();
     for (const PingRow& ping : batch) {
-      map->integrate(ping);
+      const char* const reason = map->integrate(ping);
+      stats->pings += reason == nullptr ? 1 : 0;
+      if (reason != nullptr) {
+        stats->rejected[reason] += 1;
+      }
     }
     stats->integrate_seconds += cpu_seconds() - begin_s;
-    stats->pings += batch.size();
     progress.update_now(reader->bytes_read());
   }
   for (const auto& [reason, count] : reader->stats().rejected) {
@@ -137,7 +122,7 @@ std::string format_stats_json(const MapStats& stats) {
 
 int run_map(const MapOptions& options) {
   const MapConfig config = load_map_config(options.config_path);
-  SurveyMap map(config);
+  SurveyMap map(config, options.config_path, options.work_budget_voxels);
 
   PingCsvOptions csv_options;
   csv_options.strict = options.strict;
@@ -148,7 +133,7 @@ int run_map(const MapOptions& options) {
   OutputDir output(options.out_dir);
 
   MapStats stats;
-  integrate_all(&reader, config, &map, &stats);
+  integrate_all(&reader, &map, &stats);
   if (stats.pings == 0) {
     throw HostError(ExitCode::kInput,
                     options.pings_path + ": no row within min_range_mm = " +

@@ -13,14 +13,15 @@ struct MapOptions {
   std::string pings_path;  ///< "-" is standard input
   std::string config_path;
   std::string out_dir;
-  bool strict = false;  ///< the first row that cannot be used ends the run
-  bool json = false;    ///< print stats.json instead of a summary
+  bool strict = false;                   ///< the first row that cannot be used ends the run
+  std::uint32_t work_budget_voxels = 0;  ///< refuse a configuration whose bound is over; 0 = none
+  bool json = false;                     ///< print stats.json instead of a summary
 };
 
 /// What stats.json holds.
 struct MapStats {
   std::uint64_t pings = 0;  ///< rows integrated; with `rejected` all rows of the file
-  /// Reason -> rows: those of PingCsvReader, range_below_min, range_above_max.
+  /// Reason -> rows: those of PingCsvReader and of SurveyMap::integrate.
   std::map<std::string, std::uint64_t> rejected;
   SurveyMapCounters counters;
   double integrate_seconds = 0;  ///< CPU of integration and of any extraction that it feeds back

@@ -566,10 +566,15 @@ class ConfigReader {
     constexpr auto kRange_mm = static_cast<double>(base::kMaxRange_um / 1000);
     read_integer(root, "sonar", "min_range_mm", {0, kRange_mm}, &sonar.min_range_mm);
     read_integer(root, "sonar", "max_range_mm", {1, kRange_mm}, &sonar.max_range_mm);
-    if (sonar.min_range_mm > sonar.max_range_mm) {
-      find(*get(root, "sonar", "min_range_mm"),
+    if (get(root, "sonar", "max_range_mm") == nullptr) {
+      sonar.max_range_mm = default_max_range_mm(config_.grid);
+    }
+    const toml::node* const min_range = get(root, "sonar", "min_range_mm");
+    if (min_range != nullptr && sonar.max_range_mm > 0 &&
+        sonar.min_range_mm >= sonar.max_range_mm) {
+      find(*min_range,
            "[sonar] min_range_mm = " + std::to_string(sonar.min_range_mm) +
-               ": has to be at most max_range_mm = " + std::to_string(sonar.max_range_mm));
+               ": has to be below max_range_mm = " + std::to_string(sonar.max_range_mm));
     }
     sonar.no_return = static_cast<NoReturn>(read_choice(root, "sonar", "no_return", kNoReturnNames,
                                                         static_cast<std::size_t>(sonar.no_return)));
@@ -577,6 +582,11 @@ class ConfigReader {
     const bool has_detect = get(root, "sonar", "detect_range_mm") != nullptr;
     if (read_integer(root, "sonar", "detect_range_mm", {1, kRange_mm}, &detect_mm)) {
       sonar.detect_range_mm = detect_mm;
+      if (sonar.max_range_mm > 0 && detect_mm > sonar.max_range_mm) {
+        find(*get(root, "sonar", "detect_range_mm"),
+             "[sonar] detect_range_mm = " + std::to_string(detect_mm) +
+                 ": has to be at most max_range_mm = " + std::to_string(sonar.max_range_mm));
+      }
     }
     if (sonar.no_return == NoReturn::kEmpty && !has_detect) {
       find(*get(root, "sonar", "no_return"),
@@ -732,6 +742,19 @@ const char* rule_name(Rule rule) { return kRuleNames[static_cast<std::size_t>(ru
 const char* beam_kind_name(BeamKind kind) { return kBeamKindNames[static_cast<std::size_t>(kind)]; }
 const char* no_return_name(NoReturn policy) {
   return kNoReturnNames[static_cast<std::size_t>(policy)];
+}
+
+std::int64_t default_max_range_mm(const GridConfig& grid) {
+  double square_mm2 = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double low_mm = static_cast<double>(grid.origin_mm[axis]);
+    const double high_mm = low_mm + static_cast<double>(grid.size[axis]) * grid.cell_mm;
+    const double side_mm =
+        axis == base::kDown ? std::max(high_mm, 0.0) - std::min(low_mm, 0.0) : high_mm - low_mm;
+    square_mm2 += side_mm * side_mm;
+  }
+  constexpr auto kLongest_mm = static_cast<double>(base::kMaxRange_um / 1000);
+  return static_cast<std::int64_t>(std::min(std::ceil(std::sqrt(square_mm2)), kLongest_mm));
 }
 
 MapConfig parse_map_config(std::string_view text, const std::string& name,

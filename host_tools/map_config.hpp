@@ -57,11 +57,12 @@ struct SonarConfig {
   std::optional<double> max_half_angle_deg;  ///< caps the table's envelope; over 0 .. 90
   double sigma_pointing_deg = 0;             ///< isotropic about the axis; 0 .. 45
   double sigma_range_mm = 0;                 ///< 0 .. 1,000,000
-  std::int64_t min_range_mm = 0;             ///< shorter returns are rejected; 0 .. max_range_mm
-  std::int64_t max_range_mm = base::kMaxRange_um / 1000;  ///< longer are rejected; 1 .. 20,000,000
+  std::int64_t min_range_mm = 0;  ///< shorter returns are rejected; 0 .. below max_range_mm
+  /// Longer returns are rejected; 1 .. 20,000,000. Default: default_max_range_mm(grid).
+  std::int64_t max_range_mm = 0;
   NoReturn no_return = NoReturn::kIgnore;
   /// Up to where a target would have been heard: required with no_return = "empty";
-  /// 1 .. 20,000,000.
+  /// 1 .. max_range_mm.
   std::optional<std::int64_t> detect_range_mm;
   std::int64_t sound_speed_mm_s = 1'500'000;  ///< 200,000 .. 6,000,000 (air .. steel)
   /// Share of the echo's energy that has arrived when the head's detector fires; over 0, below 1.
@@ -96,6 +97,10 @@ struct MapConfig {
   ModelConfig model;
   FrameConfig frame;
 };
+
+/// How far a transducer anywhere above the grid, between the surface (down 0) and the grid's bottom, can
+/// be from a voxel: the diagonal of that box, rounded up, at most 20 km. Nothing plausible is longer.
+[[nodiscard]] std::int64_t default_max_range_mm(const GridConfig& grid);
 
 /// Reads and checks `path`. Throws HostError: kUsage when it cannot be opened, is not TOML, has an
 /// unknown key (with a suggestion), misses a key or has a value outside its limits; all findings are

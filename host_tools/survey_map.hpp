@@ -29,15 +29,18 @@ struct SurveyMapCounters {
 
 class SurveyMap {
  public:
-  /// Computes the tables and configures the model. Throws HostError kUsage: grid over the compiled-in
-  /// capacity, work over the budget (both with the numbers), a pattern file that cannot be used.
-  explicit SurveyMap(const MapConfig& config);
+  /// Computes the table and configures the model. Only one SurveyMap may exist at a time. Throws
+  /// HostError kUsage, `config_name` in front: grid over the compiled-in capacity, work bound over
+  /// `work_budget_voxels` (0 = no budget), both with the numbers; a pattern file that cannot be used.
+  explicit SurveyMap(const MapConfig& config, const std::string& config_name,
+                     std::uint32_t work_budget_voxels = 0);
   ~SurveyMap();
   SurveyMap(const SurveyMap&) = delete;
   SurveyMap& operator=(const SurveyMap&) = delete;
 
-  /// One row whose range is within the configured limits (or has no return).
-  void integrate(const PingRow& row);
+  /// One row. Null when the model took it (no return included), else why not: a reason for
+  /// MapStats::rejected such as range_below_min, range_above_max, too_far_from_grid.
+  [[nodiscard]] const char* integrate(const PingRow& row);
   /// Depth and sigma of every column. Call once after the last row.
   void extract();
 

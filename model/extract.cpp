@@ -22,11 +22,11 @@ constexpr std::int64_t kRoughnessMost_q16 = 655360;  // 10
 constexpr std::int64_t kRoughnessGain = 4;
 
 // Variance budget of a depth, Q8 factors (DESIGN.md "Sigma").
-constexpr std::int64_t kNoiseFactor_q8 = 758;
-constexpr std::int64_t kBlurFactor_q8 = 222;
-constexpr std::int64_t kReliefFactor_q8 = 223;
-constexpr std::int64_t kRegistrationFactor_q8 = 219;
-constexpr std::int64_t kRounding_q16 = 22;  // of 1/256-cell depths and of voxels: 3e-4 cells^2
+constexpr std::int64_t kNoiseFactor_q8 = 387;
+constexpr std::int64_t kBlurFactor_q8 = 264;
+constexpr std::int64_t kReliefFactor_q8 = 129;
+constexpr std::int64_t kRegistrationFactor_q8 = 182;
+constexpr std::int64_t kFloor_q16 = 662;  // a tenth of a cell: what a cell cannot say about itself
 
 // Weighted least squares plane over a window; coordinates relative to its centre.
 struct PlaneSums {
@@ -161,8 +161,8 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
     const std::int64_t noise_q16 = noise / sums.s;
     if (pass == 1) {
       own.depth_q8 = clamp(reference_q8 + plane.centre_q8, 0, 256 * scale_.size[2]);
-      // Variance of the smoothed depth, kept in sigma_q8 as Q16 variance until assess_column().
-      own.sigma_q8 = static_cast<std::uint32_t>(
+      // Variance of the smoothed depth, kept in sigma_q12 as Q16 variance until assess_column().
+      own.sigma_q12 = static_cast<std::uint32_t>(
           clamp<std::int64_t>((1LL << 40) / max_of<std::int64_t>(sums.s << shift, 1), 1, 1LL << 30));
       return;
     }
@@ -203,10 +203,10 @@ Slope Model::result_slope(std::int32_t n, std::int32_t e) const {
 void Model::assess_column(std::int32_t n, std::int32_t e) {
   ColumnResult& own = results_[grid_.column_index(n, e)];
   if (own.depth_q8 == kUnknownDepth) {
-    own.sigma_q8 = 0;
+    own.sigma_q12 = 0;
     return;
   }
-  const std::int64_t noise_q16 = own.sigma_q8;
+  const std::int64_t noise_q16 = own.sigma_q12;
   const ColumnRecord& record = grid_.column(grid_.column_index(n, e));
 
   // Blur: relief that a plane leaves over three by three columns at the distance of the events' blur.
@@ -279,12 +279,12 @@ void Model::assess_column(std::int32_t n, std::int32_t e) {
       ((kNoiseFactor_q8 * noise_q16 + kBlurFactor_q8 * blur_q16 +
         kReliefFactor_q8 * (near_q24 >> 8) +
         kRegistrationFactor_q8 * mul_shift(regional_q24, registration_q12_, 20)) >> 8) +
-      kRounding_q16;
+      kFloor_q16;
   // Declared correlated errors: a floor, never averaged.
   variance_q16 += correlated_q12_[2] << 4;
   variance_q16 += mul_shift(static_cast<std::int64_t>(slope.north_q12) * slope.north_q12, correlated_q12_[0], 20);
   variance_q16 += mul_shift(static_cast<std::int64_t>(slope.east_q12) * slope.east_q12, correlated_q12_[1], 20);
-  own.sigma_q8 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16));
+  own.sigma_q12 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16) << 8U);
 }
 
 void Model::extract(DepthMethod method) {

@@ -1,5 +1,7 @@
 #include "model/localization_table.hpp"
 
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 
 #include "model/base/crc32c.hpp"
@@ -16,7 +18,7 @@ constexpr std::uint32_t kMaxTanEnvelope_q24 = 6U << 24U;
 // of range into at most a few units of depth) and the shift below tan(80.5 deg) * kIncidenceSteps.
 constexpr std::int64_t kMaxExcess_q30 = std::int64_t{2} << 30U;
 constexpr std::int64_t kMaxSlope_q20 = std::int64_t{64} << 20U;
-constexpr std::int64_t kMaxShift_q20 = std::int64_t{6 * kIncidenceSteps} << 20U;
+constexpr std::int64_t kMaxShift_q20 = (std::int64_t{6} * kIncidenceSteps) << 20U;
 constexpr std::uint16_t kPeak_q15 = 32767;
 
 bool magnitude_within(std::int64_t value, std::int64_t limit) {
@@ -126,6 +128,8 @@ Status check_table(const void* bytes, std::size_t size_bytes) {
   if (size_bytes > sizeof(LocalizationTable)) {
     return Status::kOutOfRange;
   }
+  // The caller works with the block in place, so it must lie where a table can.
+  // NOLINTNEXTLINE(cppcoreguidelines-pro-type-reinterpret-cast): the only way to see an alignment
   if (reinterpret_cast<std::uintptr_t>(bytes) % alignof(LocalizationTable) != 0) {
     return Status::kInvalidArgument;
   }
@@ -137,14 +141,14 @@ Status check_table(const void* bytes, std::size_t size_bytes) {
     return Status::kBadChecksum;
   }
   // The CRC only says that the block is what somebody wrote; the rest, that it can be worked with.
-  const bool ok =
-      header_ok(table) && axis_ok(table, 0) && axis_ok(table, 1) && kernels_ok(table);
+  const bool ok = header_ok(table) && axis_ok(table, 0) && axis_ok(table, 1) && kernels_ok(table);
   return ok ? Status::kOk : Status::kOutOfRange;
 }
 
 std::uint32_t table_crc(const LocalizationTable& table) {
   constexpr std::size_t kBegin = offsetof(LocalizationTable, beam_kind);
-  const auto* const first = reinterpret_cast<const std::uint8_t*>(&table);
+  const void* const block = &table;
+  const auto* const first = static_cast<const std::uint8_t*>(block);
   return base::crc32c(first + kBegin, sizeof(LocalizationTable) - kBegin);
 }
 

@@ -53,7 +53,7 @@ struct ColumnResult {
   std::int32_t raw_q8;      ///< depth of the column's own voxels, or kUnknownDepth
   std::uint32_t mass;       ///< their evidence, event units
   std::int32_t depth_q8;    ///< depth after certainty-matched smoothing, or kUnknownDepth
-  std::uint32_t sigma_q8;   ///< one sigma of depth_q8, 1/256 cell
+  std::uint32_t sigma_q12;  ///< one sigma of the depth, 1/4096 cell
 };
 
 class Model {

@@ -185,7 +185,8 @@ def octomap_text(f):
 
 
 def print_tables(all_figures):
-    print("\nErrors in cells over the touched cells; ratio: rmse / rmse of the best baseline.\n")
+    print("\nErrors in cells over the touched cells, positive is shallow; ratio: rmse / rmse of the best "
+          "baseline.\n")
     print("| scene | best baseline | rmse | debiased | OctoMap | ours | bias | coverage | ratio |"
           " bound | / debiased |")
     print("|---|---|---|---|---|---|---|---|---|---|---|")

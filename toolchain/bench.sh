@@ -40,10 +40,9 @@ while [ $# -gt 0 ]; do
 done
 
 if [ ${#names[@]} -eq 0 ]; then
-  for file in "$root"/tests/bench/*.cpp; do
-    names+=("$(basename "$file" .cpp)")
-  done
+  mapfile -t names < <(stems "$root/tests/bench" '*.cpp')
 fi
+[ ${#names[@]} -gt 0 ] || die "no benches in tests/bench"
 if [ "$list" -eq 1 ]; then
   printf '%s\n' "${names[@]}"
   exit 0
@@ -60,8 +59,11 @@ machine() {
   echo "load      $(cut -d' ' -f1-3 /proc/loadavg) before"
   echo "compiler  $(sed -n 's/^CMAKE_CXX_COMPILER:[^=]*=//p' "$root/build/release/CMakeCache.txt" |
     xargs -I{} sh -c '{} --version | head -n 1')"
-  echo "commit    $(git -C "$root" rev-parse --short HEAD 2>/dev/null || echo none)$(
-    git -C "$root" diff --quiet HEAD 2>/dev/null || echo ' with changes')"
+  local commit=none
+  if commit=$(git -C "$root" rev-parse --short HEAD 2>/dev/null); then
+    git -C "$root" diff --quiet HEAD || commit+=" with changes"
+  fi
+  echo "commit    ${commit:-none}"
 }
 machine | tee "$out/machine.txt"
 

@@ -33,10 +33,9 @@ done
 
 command -v clang++-14 >/dev/null || die "clang-14 is missing: toolchain/setup.sh --checks"
 if [ ${#targets[@]} -eq 0 ]; then
-  for file in "$root"/tests/fuzz/fuzz_*.cpp; do
-    targets+=("$(basename "$file" .cpp)")
-  done
+  mapfile -t targets < <(stems "$root/tests/fuzz" 'fuzz_*.cpp')
 fi
+[ ${#targets[@]} -gt 0 ] || die "no fuzz targets in tests/fuzz"
 configure_and_build fuzz "${targets[@]}"
 
 failed=()

@@ -21,6 +21,11 @@ usage_error() {
 # The comment block at the top of the calling script is its --help.
 print_help() { sed -n '2,/^[^#]/{/^#/!q;s/^# \{0,1\}//;p}' "$0"; }
 
+# stems FOLDER PATTERN: names without folder and extension, sorted; nothing when there are none.
+stems() {
+  [ ! -d "$1" ] || find "$1" -maxdepth 1 -name "$2" -printf '%f\n' | sed 's/\.[^.]*$//' | sort
+}
+
 # configure_and_build PRESET [TARGET...]
 configure_and_build() {
   local preset=$1

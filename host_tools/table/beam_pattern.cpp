@@ -28,8 +28,8 @@ constexpr std::uintmax_t kMaxPatternFile_bytes = 4U << 20U;
 
 void require(bool ok, const char* name, double value, const char* limits) {
   if (!ok) {
-    throw HostError(ExitCode::kUsage,
-                    std::string("beam: ") + name + " = " + json_number(value) + ": must be " + limits);
+    throw HostError(ExitCode::kUsage, std::string("beam: ") + name + " = " + json_number(value) +
+                                          ": must be " + limits);
   }
 }
 
@@ -59,8 +59,8 @@ double line_two_way(double x) {
 [[noreturn]] void pattern_error(const std::string& name, std::size_t line, std::string_view value,
                                 const std::string& reason) {
   throw HostError(ExitCode::kUsage, name + ":" + std::to_string(line) +
-                                        (value.empty() ? "" : ": \"" + printable(value) + "\"") + ": " +
-                                        reason);
+                                        (value.empty() ? "" : ": \"" + printable(value) + "\"") +
+                                        ": " + reason);
 }
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
@@ -143,7 +143,8 @@ std::vector<PatternRow> parse_pattern(std::string_view text, const std::string& 
     axis_db = rows.empty() ? level_db : axis_db;
     const double relative_db = std::max(-300.0, factor * (level_db - axis_db));
     if (relative_db > 0.0) {
-      pattern_error(name, line_number, words[1], "louder than the axis: turn the pattern to its peak");
+      pattern_error(name, line_number, words[1],
+                    "louder than the axis: turn the pattern to its peak");
     }
     if (rows.size() == kMaxPatternRows) {
       pattern_error(name, line_number, "", "more than 10,000 rows");
@@ -151,7 +152,8 @@ std::vector<PatternRow> parse_pattern(std::string_view text, const std::string& 
     rows.push_back({angle_deg, relative_db});
   }
   if (rows.size() < kMinPatternRows) {
-    pattern_error(name, line_number, "", "a pattern needs at least two rows: off_axis_deg level_db");
+    pattern_error(name, line_number, "",
+                  "a pattern needs at least two rows: off_axis_deg level_db");
   }
   return rows;
 }
@@ -240,7 +242,8 @@ BeamPattern::BeamPattern(const BeamDescription& beam) : beam_(beam) {
       beam.sound_speed_mm_s > 0.0 ? beam.frequency_hz / beam.sound_speed_mm_s : 0.0;
   switch (beam.kind) {
     case model::BeamKind::kCone:
-      require_within("beam_half_angle_deg", beam.half_angle_deg, kMinEnvelope_deg, 90.0, "0.01 .. 90");
+      require_within("beam_half_angle_deg", beam.half_angle_deg, kMinEnvelope_deg, 90.0,
+                     "0.01 .. 90");
       cos_cone_ = exact::cos(beam.half_angle_deg * kRadPerDeg);
       break;
     case model::BeamKind::kPiston:
@@ -258,6 +261,13 @@ BeamPattern::BeamPattern(const BeamDescription& beam) : beam_(beam) {
       require(beam.rows.size() >= kMinPatternRows, "rows of the pattern",
               static_cast<double>(beam.rows.size()), "at least 2");
       for (const PatternRow& row : beam.rows) {
+        // Rows may come from elsewhere than parse_pattern.
+        const double before_deg = row_rad_.empty() ? -1.0 : (&row - 1)->off_axis_deg;
+        require(row.off_axis_deg > before_deg && row.off_axis_deg <= 90.0 &&
+                    (before_deg >= 0.0 || row.off_axis_deg == 0.0),
+                "off_axis_deg of the pattern", row.off_axis_deg, "ascending from 0 to at most 90");
+        require(row.two_way_db <= 0.0 && row.two_way_db >= -300.0, "two_way_db of the pattern",
+                row.two_way_db, "-300 .. 0");
         row_rad_.push_back(row.off_axis_deg * kRadPerDeg);
         row_log_.push_back(row.two_way_db * kLn10Over10);
       }
@@ -292,8 +302,7 @@ BeamPattern::BeamPattern(const BeamDescription& beam) : beam_(beam) {
   }
   const double inside = radial_energy(envelope_rad_[0]);
   const bool all_inside = reach_rad <= envelope_rad_[0];
-  discarded_fraction_ =
-      all_inside ? 0.0 : std::max(0.0, 1.0 - inside / radial_energy(reach_rad));
+  discarded_fraction_ = all_inside ? 0.0 : std::max(0.0, 1.0 - inside / radial_energy(reach_rad));
   double weight = 0.0;
   double moment = 0.0;
   for (const exact::Node& node : exact::gauss_nodes(0.0, envelope_rad_[0], 64)) {
@@ -342,7 +351,9 @@ double BeamPattern::measured(double sine) const {
   const std::size_t right =
       std::min(static_cast<std::size_t>(above - row_rad_.begin()), row_rad_.size() - 1);
   const std::size_t left = right - 1;
-  const double f = (angle_rad - row_rad_[left]) / (row_rad_[right] - row_rad_[left]);
+  // In the square of the angle: a main lobe is nearly straight there, and smooth on the axis.
+  const double left2 = square(row_rad_[left]);
+  const double f = (square(angle_rad) - left2) / (square(row_rad_[right]) - left2);
   return exact::exp_fast(row_log_[left] + f * (row_log_[right] - row_log_[left]));
 }
 
@@ -392,8 +403,7 @@ void BeamPattern::choose_cut(std::size_t axis) {
   }
   if (null_argument > 0.0) {
     const bool exists = wave_factor_[axis] > null_argument;
-    envelope_rad =
-        exists ? exact::asin(null_argument / wave_factor_[axis]) : first_fall_rad(axis);
+    envelope_rad = exists ? exact::asin(null_argument / wave_factor_[axis]) : first_fall_rad(axis);
     cut = exists ? BeamCut::kSecondNull : BeamCut::kMinus30dB;
   }
   if (envelope_rad > kMaxEnvelope_deg * kRadPerDeg) {
@@ -421,12 +431,14 @@ double BeamPattern::rectangle_energy(bool inside) const {
   // Directions as (across cosine v, angle a in the plane through the along axis): the along cosine is
   // sqrt(1 - v^2) sin a, and dv da is solid angle exactly (Archimedes).
   const double across_rad = inside ? envelope_rad_[1] : 0.5 * exact::kPi;
-  const double v_end = wave_factor_[1] > kRectangleReach && !inside
-                           ? std::max(kRectangleReach / wave_factor_[1], exact::sin(envelope_rad_[1]))
-                           : exact::sin(across_rad);
-  const double a_end_all = wave_factor_[0] > kRectangleReach
-                               ? std::max(exact::asin(kRectangleReach / wave_factor_[0]), envelope_rad_[0])
-                               : 0.5 * exact::kPi;
+  const double v_end =
+      wave_factor_[1] > kRectangleReach && !inside
+          ? std::max(kRectangleReach / wave_factor_[1], exact::sin(envelope_rad_[1]))
+          : exact::sin(across_rad);
+  const double a_end_all =
+      wave_factor_[0] > kRectangleReach
+          ? std::max(exact::asin(kRectangleReach / wave_factor_[0]), envelope_rad_[0])
+          : 0.5 * exact::kPi;
   const double a_end = inside ? envelope_rad_[0] : a_end_all;
   const std::vector<exact::Node> across = exact::gauss_nodes(0.0, v_end, inside ? 8 : 40);
   const std::vector<exact::Node> along = exact::gauss_nodes(0.0, a_end, inside ? 8 : 40);

@@ -43,20 +43,20 @@ struct BeamDescription {
   /// square of the product; 1 .. 10,000.
   double aperture_along_mm = 0.0;
   double aperture_across_mm = 0.0;
-  double frequency_hz = 0.0;             ///< kPiston, kRectangle; 100 .. 1e8
-  double sound_speed_mm_s = 1500000.0;   ///< kPiston, kRectangle; 2e5 .. 6e6
-  std::vector<PatternRow> rows;          ///< kMeasured, see parse_pattern()
+  double frequency_hz = 0.0;                 ///< kPiston, kRectangle; 100 .. 1e8
+  double sound_speed_mm_s = 1500000.0;       ///< kPiston, kRectangle; 2e5 .. 6e6
+  std::vector<PatternRow> rows;              ///< kMeasured, see parse_pattern()
   std::optional<double> max_half_angle_deg;  ///< any kind; over 0 .. 90
-  double sigma_pointing_deg = 0.0;       ///< per axis, isotropic; 0 .. 45
-  double sigma_range_mm = 0.0;           ///< 0 .. 1e6
-  double detection_fraction = 0.1;       ///< share of the echo at which the head fires; over 0, below 1
+  double sigma_pointing_deg = 0.0;           ///< per axis, isotropic; 0 .. 45
+  double sigma_range_mm = 0.0;               ///< 0 .. 1e6
+  double detection_fraction = 0.1;  ///< share of the echo at which the head fires; over 0, below 1
 };
 
 /// Reads a measured pattern. Text; `#` starts a comment, empty lines are skipped. An optional first row,
 /// the word `one_way` or `two_way` (the default), says what the levels are: one-way levels are doubled.
 /// Every other row is `off_axis_deg level_db`, separated by blanks or one comma; angles ascend from 0 and
 /// end at 90 or before, levels are relative to the axis (row 0 may have any level, it is subtracted), and
-/// none exceeds it. 2 to 10,000 rows. Between rows the level in dB is linear in the angle; after the last
+/// none exceeds it. 2 to 10,000 rows. Between rows the level in dB is linear in the square of the angle, as a main lobe is; after the last
 /// row the beam is taken to be silent. Throws HostError kUsage as `NAME:LINE: value: reason`.
 [[nodiscard]] std::vector<PatternRow> parse_pattern(std::string_view text, const std::string& name);
 /// The same from a file (kUsage when it cannot be read: it is part of the configuration).

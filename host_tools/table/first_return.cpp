@@ -48,8 +48,8 @@ FirstReturn::FirstReturn(const BeamPattern& pattern, std::size_t axis, double de
     const auto integrands = [&](double a, double* out) {
       const exact::SinCos angle = exact::sin_cos(a);
       const double in_plane_cosine = r * angle.sin;
-      const double energy = axis == 0 ? pattern.two_way(in_plane_cosine, v)
-                                      : pattern.two_way(v, in_plane_cosine);
+      const double energy =
+          axis == 0 ? pattern.two_way(in_plane_cosine, v) : pattern.two_way(v, in_plane_cosine);
       const double tangent = angle.sin / angle.cos;
       out[kEnergy] = energy;
       out[kRadial] = energy * tangent;
@@ -130,8 +130,7 @@ double FirstReturn::interval(std::size_t moment, double incidence_rad, double ca
       const double value = cumulative(moment, row, clipped);
       return clipped < 0.0 && moment != kRadial ? -value : value;
     };
-    double line_sum =
-        integral_to(incidence_rad + half_rad) - integral_to(incidence_rad - half_rad);
+    double line_sum = integral_to(incidence_rad + half_rad) - integral_to(incidence_rad - half_rad);
     // A cap about a normal behind the sonar comes round to the other side.
     const double wrapped = incidence_rad + half_rad - 2.0 * exact::kPi;
     if (wrapped > -line.reach) {
@@ -207,8 +206,8 @@ double FirstReturn::cap_rad(double incidence_rad) const {
   const double v1 = node_cap_rad_[cell + 1];
   const double after = cell + 2 < kNodes ? node_cap_rad_[cell + 2] : 2.0 * v1 - v0;
   return before * (-f * (f - 1.0) * (f - 2.0) / 6.0) +
-         v0 * ((f + 1.0) * (f - 1.0) * (f - 2.0) / 2.0) +
-         v1 * (-(f + 1.0) * f * (f - 2.0) / 2.0) + after * ((f + 1.0) * f * (f - 1.0) / 6.0);
+         v0 * ((f + 1.0) * (f - 1.0) * (f - 2.0) / 2.0) + v1 * (-(f + 1.0) * f * (f - 2.0) / 2.0) +
+         after * ((f + 1.0) * f * (f - 1.0) / 6.0);
 }
 
 FirstReturn::Patch FirstReturn::patch(double incidence_rad, double cap_rad) const {

@@ -6,8 +6,8 @@
 // the normal, of half-angle n0(i), holds the fraction f of the beam's two-way energy. The cap is
 // integrated in the coordinates v (direction cosine across the plane of incidence) and a (angle in that
 // plane), in which solid angle is dv da exactly: for a given v it is the interval |a - i| <= acos(cos n /
-// sqrt(1 - v^2)), and the energy in it is a difference of two cumulative sums. That makes n0 a smooth
-// function of i, to 1e-4 of the beam's half-angle or better.
+// sqrt(1 - v^2)), and the energy in it is a difference of two cumulative sums. That gives n0 to
+// 5e-4 of the beam's half-angle where the plane faces the beam, to 1e-5 on slopes.
 //
 // Same numbers on every host: see table_math.hpp.
 #pragma once
@@ -32,7 +32,7 @@ class FirstReturn {
   /// Half-angle of the cap about the plane's normal that holds the detection fraction, solved at this
   /// incidence (rad, 0 .. pi). About 0.1 ms.
   [[nodiscard]] double solve_cap_rad(double incidence_rad) const;
-  /// The same, interpolated from nodes (error below 1e-5 of the half-angle); 0 <= incidence_rad, beyond
+  /// The same, interpolated from nodes (error below 5e-4 of the half-angle); 0 <= incidence_rad, beyond
   /// the last node that node's value. About 0.1 us.
   [[nodiscard]] double cap_rad(double incidence_rad) const;
 
@@ -53,9 +53,9 @@ class FirstReturn {
   enum Moment : std::size_t { kEnergy, kRadial, kRadial2, kTransverse2, kMomentCount };
 
   struct Row {
-    double r;        ///< sqrt(1 - v^2)
-    double reach;    ///< the envelope is |a| <= reach
-    double weight;   ///< dv
+    double r;       ///< sqrt(1 - v^2)
+    double reach;   ///< the envelope is |a| <= reach
+    double weight;  ///< dv
     double inverse_step;
   };
 

@@ -27,7 +27,8 @@ constexpr double kSlopeStep_rad = 0.02;
 /// a defect of the generator.
 template <typename T>
 T to_fixed(double value, int fraction_bits) {
-  const double scaled = value * static_cast<double>(std::uint64_t{1} << static_cast<unsigned>(fraction_bits));
+  const double scaled =
+      value * static_cast<double>(std::uint64_t{1} << static_cast<unsigned>(fraction_bits));
   const double low = static_cast<double>(std::numeric_limits<T>::min());
   const double high = static_cast<double>(std::numeric_limits<T>::max());
   if (!(scaled > low - 0.5 && scaled < high + 0.5)) {
@@ -103,7 +104,8 @@ void fill_profile(const BeamPattern& pattern, std::size_t axis, double* worst_er
     std::uint16_t* const entries = table->profile_q15[axis][c];
     for (int j = 0; j < model::kProfileSteps + 4; ++j) {
       // Entry 128 is the cut itself; what follows is padding.
-      const double weight = j <= model::kProfileSteps ? weight_at(j) : entries[model::kProfileSteps];
+      const double weight =
+          j <= model::kProfileSteps ? weight_at(j) : entries[model::kProfileSteps];
       entries[j] = to_fixed<std::uint16_t>(std::min(kQ15Peak, weight), 0);
     }
     const auto check_at = [&](double position, int j) {
@@ -166,8 +168,8 @@ GeneratedTable generate_table(const BeamDescription& beam) {
   table.size_bytes = sizeof(LocalizationTable);
   table.beam_kind = beam.kind;
   table.two_axis = pattern.two_axis() ? 1 : 0;
-  table.detection_fraction_q16 = static_cast<std::uint16_t>(
-      std::clamp<std::int64_t>(exact::round_to_integer(beam.detection_fraction * 65536.0), 1, 65535));
+  table.detection_fraction_q16 = static_cast<std::uint16_t>(std::clamp<std::int64_t>(
+      exact::round_to_integer(beam.detection_fraction * 65536.0), 1, 65535));
   table.tan_envelope_along_q24 = to_fixed<std::uint32_t>(exact::tan(pattern.envelope_rad(0)), 24);
   table.tan_envelope_across_q24 = to_fixed<std::uint32_t>(exact::tan(pattern.envelope_rad(1)), 24);
   table.beam_variance_along_q30 = std::max(1U, to_fixed<std::uint32_t>(pattern.variance(0), 30));
@@ -218,9 +220,8 @@ GeneratedTable generate_table(const BeamDescription& beam) {
   facts.worst_kernel_error = kernel_error / model::kKernelSum;
   facts.worst_kernel_moment_cells = kernel_moment;
   generated.report = "Cut along: " + std::string(beam_cut_text(pattern.cut(0))) +
-                     (pattern.two_axis()
-                          ? "; across: " + std::string(beam_cut_text(pattern.cut(1)))
-                          : std::string()) +
+                     (pattern.two_axis() ? "; across: " + std::string(beam_cut_text(pattern.cut(1)))
+                                         : std::string()) +
                      "\n" + table_to_text(table);
   return generated;
 }

@@ -23,7 +23,7 @@ struct TableFacts {
   double sigma_beam_deg[2] = {0.0, 0.0};  ///< arc tangent of the table's beam sigma
   double worst_excess_error = 0.0;        ///< of cos + excess, a fraction of the range
   double worst_profile_error = 0.0;       ///< of the peak
-  double worst_kernel_error = 0.0;        ///< of the row's sum, 16 phases for a continuous one included
+  double worst_kernel_error = 0.0;  ///< of the row's sum, 16 phases for a continuous one included
   double worst_kernel_moment_cells = 0.0;
 };
 

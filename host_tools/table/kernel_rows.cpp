@@ -84,7 +84,9 @@ KernelRow kernel_row(std::size_t level, std::size_t phase_index) {
   const KernelTaps exact_row = kernel_taps(kernel_variance(level), phase_of(phase_index));
   const std::size_t end = exact_row.first + exact_row.count;
   std::array<std::int64_t, kTaps> tap{};
-  const auto error = [&](std::size_t at) { return static_cast<double>(tap[at]) - kSum * exact_row.tap[at]; };
+  const auto error = [&](std::size_t at) {
+    return static_cast<double>(tap[at]) - kSum * exact_row.tap[at];
+  };
 
   // Largest remainder: round down, then hand the missing units to the taps that lost most.
   std::int64_t missing = model::kKernelSum;

@@ -58,19 +58,22 @@ struct Reading {
 };
 
 Reading read(const LocalizationTable& table) {
-  const auto degrees = [](double tangent) { return exact::atan2(tangent, 1.0) * exact::kDegPerRad; };
+  const auto degrees = [](double tangent) {
+    return exact::atan2(tangent, 1.0) * exact::kDegPerRad;
+  };
   const auto sigma_deg = [&](std::uint32_t variance_q30) {
     return degrees(std::sqrt(variance_q30 / kQ30));
   };
-  return {{degrees(table.tan_envelope_along_q24 / kQ24), degrees(table.tan_envelope_across_q24 / kQ24)},
-          {sigma_deg(table.beam_variance_along_q30), sigma_deg(table.beam_variance_across_q30)},
-          sigma_deg(table.pointing_variance_q30),
-          table.detection_fraction_q16 / 65536.0,
-          table.discarded_energy_ppm / 1e4,
-          table.error_excess_q30 / kQ30,
-          table.error_profile_q15 / 32767.0,
-          table.error_kernel_q15 / static_cast<double>(model::kKernelSum),
-          table.error_kernel_moment_q15 / static_cast<double>(model::kKernelSum)};
+  return {
+      {degrees(table.tan_envelope_along_q24 / kQ24), degrees(table.tan_envelope_across_q24 / kQ24)},
+      {sigma_deg(table.beam_variance_along_q30), sigma_deg(table.beam_variance_across_q30)},
+      sigma_deg(table.pointing_variance_q30),
+      table.detection_fraction_q16 / 65536.0,
+      table.discarded_energy_ppm / 1e4,
+      table.error_excess_q30 / kQ30,
+      table.error_profile_q15 / 32767.0,
+      table.error_kernel_q15 / static_cast<double>(model::kKernelSum),
+      table.error_kernel_moment_q15 / static_cast<double>(model::kKernelSum)};
 }
 
 }  // namespace
@@ -96,9 +99,10 @@ std::string table_to_text(const LocalizationTable& table) {
   text += print("Worst errors of the stored integers, between entries too:\n");
   text += print("  first return    %.2e of the range\n", r.excess_error);
   text += print("  lateral profile %.2e of the peak\n", r.profile_error);
-  text += print("  range kernel    %.2e of a row's sum (%d phases for a continuous one), first moment "
-                "%.2e cells\n",
-                r.kernel_error, model::kKernelPhases, r.kernel_moment_cells);
+  text += print(
+      "  range kernel    %.2e of a row's sum (%d phases for a continuous one), first moment "
+      "%.2e cells\n",
+      r.kernel_error, model::kKernelPhases, r.kernel_moment_cells);
   text += print("Table: version %u, %u bytes, CRC-32C 0x%08x", unsigned{table.version},
                 table.size_bytes, table.crc32c);
   return text;
@@ -123,8 +127,7 @@ std::string table_to_json(const LocalizationTable& table) {
 }
 
 void save_table(const std::string& path, const LocalizationTable& table) {
-  write_file_whole(path,
-                   std::string_view(reinterpret_cast<const char*>(&table), sizeof(table)));
+  write_file_whole(path, std::string_view(reinterpret_cast<const char*>(&table), sizeof(table)));
 }
 
 LocalizationTable load_table(const std::string& path) {

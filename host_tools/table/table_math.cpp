@@ -113,8 +113,8 @@ class ScaledBesselTable {
     // z = 1 and one step beyond it: the limit and the polynomial through the last points.
     const std::size_t end = kSteps + 1;
     values_[end] = 1.0 / std::sqrt(2.0 * kPi);
-    values_[end + 1] = 4.0 * values_[end] - 6.0 * values_[end - 1] + 4.0 * values_[end - 2] -
-                       values_[end - 3];
+    values_[end + 1] =
+        4.0 * values_[end] - 6.0 * values_[end - 1] + 4.0 * values_[end - 2] - values_[end - 3];
   }
 
   double operator()(double x) const {

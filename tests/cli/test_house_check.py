@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -168,6 +169,21 @@ class HouseCheck(unittest.TestCase):
         result = subprocess.run([sys.executable, str(SCRIPT), "--root", str(ROOT)],
                                 capture_output=True, text=True, timeout=30, check=False)
         self.assertEqual((result.returncode, result.stderr), (0, ""))
+
+    def test_a_broken_arrow_stops_cmake(self):
+        """The real CMakeLists.txt over a house with one sin; it must not get as far as the folders."""
+        with tempfile.TemporaryDirectory() as folder:
+            house = pathlib.Path(folder) / "house"
+            house.mkdir()
+            build(house, [("model/m.cpp", '#include "proto/p.hpp"')])
+            shutil.copy(ROOT / "CMakeLists.txt", house)
+            shutil.copytree(ROOT / "toolchain", house / "toolchain")
+            result = subprocess.run(["cmake", "-S", house, "-B", house / "build", "-G", "Ninja"],
+                                    capture_output=True, text=True, timeout=120, check=False)
+            self.assertNotEqual(result.returncode, 0)
+            self.assertIn("model/m.cpp:4: [include-arrow]", result.stderr)
+            self.assertIn("The house's rules are broken", result.stderr)
+            self.assertNotIn("model/CMakeLists.txt", result.stderr)
 
     def test_a_wrong_root_is_a_usage_error(self):
         result = subprocess.run([sys.executable, str(SCRIPT), "--root", "/nonexistent"],

@@ -69,9 +69,11 @@ void check(const MapConfig& config) {
           "max_half_angle_deg");
   require(within(sonar.sigma_pointing_deg, 0, 45), "sigma_pointing_deg");
   require(within(sonar.sigma_range_mm, 0, 1e6), "sigma_range_mm");
-  require(sonar.min_range_mm >= 0 && sonar.min_range_mm <= sonar.max_range_mm, "min_range_mm");
+  require(sonar.min_range_mm >= 0 && sonar.min_range_mm < sonar.max_range_mm, "min_range_mm");
   require(sonar.max_range_mm >= 1 && sonar.max_range_mm <= 20'000'000, "max_range_mm");
   require(sonar.no_return == NoReturn::kIgnore || sonar.detect_range_mm, "detect_range_mm");
+  require(!sonar.detect_range_mm || *sonar.detect_range_mm <= sonar.max_range_mm,
+          "detect_range_mm");
   require(within(static_cast<double>(sonar.sound_speed_mm_s), 200'000, 6'000'000),
           "sound_speed_mm_s");
   require(sonar.detection_fraction > 0 && sonar.detection_fraction < 1, "detection_fraction");

@@ -58,7 +58,7 @@ TEST(the_smallest_configuration_gets_the_documented_defaults) {
   assert_false(config.sonar.max_half_angle_deg.has_value());
   assert_near(config.sonar.sigma_pointing_deg, 0, 0);
   assert_int_equal(config.sonar.min_range_mm, 0);
-  assert_int_equal(config.sonar.max_range_mm, 20'000'000);
+  assert_int_equal(config.sonar.max_range_mm, 8'777);  // sqrt(4^2 + 5^2 + 6.002^2) m
   assert_int_equal(config.sonar.no_return, NoReturn::kIgnore);
   assert_false(config.sonar.detect_range_mm.has_value());
   assert_int_equal(config.sonar.sound_speed_mm_s, 1'500'000);
@@ -66,6 +66,20 @@ TEST(the_smallest_configuration_gets_the_documented_defaults) {
   assert_near(config.navigation.sigma_position_mm[2], 0, 0);
   assert_near(config.navigation.sigma_correlated_mm[0], 0, 0);
   assert_false(config.frame.epsg.has_value());
+}
+
+TEST(the_default_range_reaches_every_voxel_from_the_surface) {
+  leadline::host::GridConfig grid;
+  grid.cell_mm = 1000;
+  grid.size[0] = 128;
+  grid.size[1] = 128;
+  grid.size[2] = 32;
+  grid.origin_mm[2] = 56'000;  // bottom at 88 m: sqrt(128^2 + 128^2 + 88^2) m
+  assert_int_equal(leadline::host::default_max_range_mm(grid), 201'276);
+  grid.origin_mm[2] = -40'000;  // in the air, bottom at -8 m
+  assert_int_equal(leadline::host::default_max_range_mm(grid), 185'387);
+  grid.cell_mm = 1'000'000;
+  assert_int_equal(leadline::host::default_max_range_mm(grid), 20'000'000);
 }
 
 TEST(every_key_is_read) {
@@ -195,10 +209,12 @@ TEST(values_outside_their_limits_name_line_key_and_value) {
       {kGrid + kCone + "sigma_range_mm = inf\n", "sigma_range_mm = inf: has to be"},
       {kGrid + kCone + "sigma_pointing_deg = 1e9\n", "sigma_pointing_deg = "},
       {kGrid + kCone + "min_range_mm = 5\nmax_range_mm = 4\n",
-       "min_range_mm = 5: has to be at most max_range_mm = 4"},
+       "min_range_mm = 5: has to be below max_range_mm = 4"},
       {kGrid + kCone + "no_return = \"none\"\n",
        "no_return = none: has to be one of \"ignore\", \"empty\""},
       {kGrid + kCone + "no_return = \"empty\"\n", "needs detect_range_mm"},
+      {kGrid + kCone + "max_range_mm = 9\ndetect_range_mm = 10\n",
+       "detect_range_mm = 10: has to be at most max_range_mm = 9"},
       {kGrid + kCone + "detection_fraction = 1\n", "has to be over 0 to below 1"},
       {kGrid + kCone + "sound_speed_mm_s = 1500\n", "sound_speed_mm_s = 1500: has to be 200000 to"},
       {kGrid + kCone + "[navigation]\nsigma_position_mm = 5\n", "has to be an array of three"},

@@ -1,0 +1,231 @@
+#include "host_tools/survey_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "host_tools/exit_codes.hpp"
+#include "host_tools/model_file.hpp"
+#include "host_tools/table/beam_pattern.hpp"
+#include "host_tools/table/generator.hpp"
+#include "model/base/status.hpp"
+#include "model/model.hpp"
+
+namespace leadline::host {
+namespace {
+
+// As on the vehicle: one large static object, no heap. Hence one SurveyMap at a time.
+model::Model the_model;
+bool model_taken = false;
+
+[[noreturn]] void refuse(const std::string& name, const std::string& what) {
+  throw HostError(ExitCode::kUsage, name + ": " + what);
+}
+
+std::string triple(const std::int32_t (&values)[3]) {
+  return "[" + std::to_string(values[0]) + ", " + std::to_string(values[1]) + ", " +
+         std::to_string(values[2]) + "]";
+}
+
+/// What this build of the model cannot hold, said with the numbers.
+void check_capacity(const MapConfig& config, const std::string& name) {
+  const GridConfig& grid = config.grid;
+  const std::string size = "[grid] size = " + triple(grid.size) + ": ";
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::int32_t limit = axis == base::kDown ? model::kMaxDepthCells : model::kMaxSideCells;
+    if (grid.size[axis] > limit) {
+      refuse(name, size + std::to_string(grid.voxel_count()) +
+                       " voxels, and over the capacity of " + std::to_string(limit) +
+                       " cells on axis " + std::to_string(axis));
+    }
+  }
+  // Columns are stored in square tiles; the last ones are padded.
+  constexpr std::uint64_t kTile = model::kTileCells;
+  const std::uint64_t columns =
+      (static_cast<std::uint64_t>(grid.size[0]) + kTile - 1) / kTile * kTile *
+      ((static_cast<std::uint64_t>(grid.size[1]) + kTile - 1) / kTile * kTile);
+  const std::uint64_t voxels = columns * static_cast<std::uint64_t>(grid.size[2]);
+  if (voxels > model::kVoxelCapacity || columns > model::kColumnCapacity) {
+    refuse(name, size + std::to_string(grid.voxel_count()) + " voxels (" + std::to_string(voxels) +
+                     " in " + std::to_string(columns) +
+                     " columns of whole tiles), over the capacity of " +
+                     std::to_string(model::kVoxelCapacity) + " voxels in " +
+                     std::to_string(model::kColumnCapacity) +
+                     " columns; take larger cells or a smaller grid");
+  }
+  const std::int64_t longest_mm = static_cast<std::int64_t>(model::kMaxRangeCells) * grid.cell_mm;
+  if (config.sonar.max_range_mm > longest_mm) {
+    refuse(name, "[sonar] max_range_mm = " + std::to_string(config.sonar.max_range_mm) +
+                     ": has to be at most " + std::to_string(model::kMaxRangeCells) +
+                     " cells = " + std::to_string(longest_mm) + " mm");
+  }
+}
+
+model::ModelConfig model_config(const MapConfig& config, std::uint32_t work_budget_voxels) {
+  model::ModelConfig result{};
+  result.schema_version = model::kConfigSchemaVersion;
+  result.rule =
+      config.model.rule == Rule::kWeightedMean ? model::Rule::kWeightedMean : model::Rule::kLogOdds;
+  result.no_return = config.sonar.no_return == NoReturn::kEmpty ? model::NoReturnPolicy::kEmpty
+                                                                : model::NoReturnPolicy::kIgnore;
+  result.cell_mm = config.grid.cell_mm;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    result.size[axis] = config.grid.size[axis];
+    result.origin_mm[axis] = config.grid.origin_mm[axis];
+    result.sigma_position_mm[axis] = std::llround(config.navigation.sigma_position_mm[axis]);
+    result.sigma_correlated_mm[axis] = std::llround(config.navigation.sigma_correlated_mm[axis]);
+  }
+  result.min_range_um = config.sonar.min_range_mm * 1000;
+  result.max_range_um = config.sonar.max_range_mm * 1000;
+  result.detect_range_um = config.sonar.detect_range_mm.value_or(0) * 1000;
+  result.work_budget_voxels = work_budget_voxels;
+  return result;
+}
+
+/// Bits that one voxel still leaves open: 1 for an unknown one.
+double entropy_of(double signal) {
+  const double rest = 1.0 - signal;
+  const double first = signal > 0.0 ? signal * std::log2(signal) : 0.0;
+  const double second = rest > 0.0 ? rest * std::log2(rest) : 0.0;
+  return -(first + second);
+}
+
+}  // namespace
+
+struct SurveyMap::Impl {
+  MapConfig config;
+  Raster elevation;
+  Raster sigma;
+};
+
+SurveyMap::SurveyMap(const MapConfig& config, const std::string& config_name,
+                     std::uint32_t work_budget_voxels)
+    : impl_(std::make_unique<Impl>()) {
+  if (model_taken) {
+    throw std::logic_error("one SurveyMap at a time: the model is a static object");
+  }
+  impl_->config = config;
+  check_capacity(config, config_name);
+  const GeneratedTable generated = generate_table(beam_description(config.sonar));
+  const base::Status status = the_model.configure(model_config(config, work_budget_voxels),
+                                                  &generated.table, sizeof generated.table);
+  if (status == base::Status::kOverBudget) {
+    const model::WorkBound& bound = the_model.bound();
+    refuse(config_name, "one ping can touch up to " + std::to_string(bound.total_voxels) +
+                            " voxels (shell " + std::to_string(bound.shell_voxels) + ", cone " +
+                            std::to_string(bound.cone_voxels) + "), the budget is " +
+                            std::to_string(work_budget_voxels) +
+                            "; take larger cells, a shorter max_range_mm or a narrower beam");
+  }
+  if (status != base::Status::kOk) {
+    refuse(config_name,
+           std::string("the model refuses this configuration: ") + base::status_text(status));
+  }
+  model_taken = true;
+}
+
+SurveyMap::~SurveyMap() { model_taken = false; }
+
+const char* SurveyMap::integrate(const PingRow& row) {
+  base::Ping ping{};
+  base::Pose pose{};
+  row_to_records(row, impl_->config, &ping, &pose);
+  const model::PingResult result = the_model.integrate(ping, pose);
+  const bool fused = result == model::PingResult::kFused || result == model::PingResult::kNoReturn;
+  return fused ? nullptr : model::ping_result_name(result);
+}
+
+void SurveyMap::extract() {
+  the_model.extract();
+  const GridConfig& grid = impl_->config.grid;
+  impl_->elevation =
+      make_raster(grid.size[1], grid.size[0], static_cast<double>(grid.origin_mm[1]) / 1000.0,
+                  static_cast<double>(grid.origin_mm[0]) / 1000.0, grid.cell_mm / 1000.0);
+  impl_->sigma = impl_->elevation;
+  for (std::int32_t n = 0; n < grid.size[0]; ++n) {
+    const int row = grid.size[0] - 1 - n;
+    for (std::int32_t e = 0; e < grid.size[1]; ++e) {
+      const model::ColumnResult& column = the_model.result(n, e);
+      if (column.depth_q8 == model::kUnknownDepth) {
+        continue;
+      }
+      // Exact in double: below 2^53 in units of 1/256 mm. One division, so one rounding.
+      const double depth_256th_mm = static_cast<double>(grid.origin_mm[2]) * 256.0 +
+                                    static_cast<double>(column.depth_q8) * grid.cell_mm;
+      impl_->elevation.at(row, e) = -depth_256th_mm / 256'000.0;
+      impl_->sigma.at(row, e) = static_cast<double>(column.sigma_q12) * grid.cell_mm / 4'096'000.0;
+    }
+  }
+}
+
+const Raster& SurveyMap::elevation() const { return impl_->elevation; }
+const Raster& SurveyMap::sigma() const { return impl_->sigma; }
+
+SurveyMapCounters SurveyMap::counters() const {
+  const model::ModelCounters& model_counters = the_model.counters();
+  SurveyMapCounters counters;
+  counters.voxel_updates = model_counters.voxel_updates;
+  counters.max_voxels_per_ping = model_counters.max_voxels_per_ping;
+  counters.work_bound = the_model.bound().total_voxels;
+  counters.bytes_per_voxel = sizeof(model::Voxel);
+  counters.table_crc = the_model.table().crc32c;
+  counters.map_hash = the_model.grid().map_hash();
+  const model::Grid& grid = the_model.grid();
+  std::uint64_t known = 0;
+  double bits = 0;
+  for (std::int32_t n = 0; n < grid.north_cells(); ++n) {
+    for (std::int32_t e = 0; e < grid.east_cells(); ++e) {
+      const model::Voxel* const voxels = grid.column_voxels(grid.column_index(n, e));
+      for (std::int32_t k = 0; k < grid.depth_cells(); ++k) {
+        const bool unknown = voxels[k].hit == 0 && voxels[k].miss == 0;
+        known += unknown ? 0 : 1;
+        bits += unknown ? 1.0 : entropy_of(voxel_signal(voxels[k]));
+      }
+    }
+  }
+  counters.entropy_bits = bits;
+  counters.known_fraction =
+      static_cast<double>(known) / static_cast<double>(impl_->config.grid.voxel_count());
+  return counters;
+}
+
+std::string SurveyMap::save() const {
+  SavedModel saved;
+  saved.config = impl_->config;
+  saved.table = the_model.table();
+  saved.map_hash = the_model.grid().map_hash();
+  const model::Grid& grid = the_model.grid();
+  saved.voxels.reserve(impl_->config.grid.voxel_count());
+  for (std::int32_t n = 0; n < grid.north_cells(); ++n) {
+    for (std::int32_t e = 0; e < grid.east_cells(); ++e) {
+      const model::Voxel* const voxels = grid.column_voxels(grid.column_index(n, e));
+      saved.voxels.insert(saved.voxels.end(), voxels, voxels + grid.depth_cells());
+    }
+  }
+  return format_model_file(saved);
+}
+
+void row_to_records(const PingRow& row, const MapConfig& config, base::Ping* ping,
+                    base::Pose* pose) {
+  *ping = base::Ping{};
+  ping->t_transmit_us = row.t_us;
+  // There and back, in whole microseconds: 2 * range / c.
+  ping->t_receive_us = row.t_us + row.range_um * 2000 / config.sonar.sound_speed_mm_s;
+  ping->azimuth_bam32 = row.azimuth_bam32;
+  ping->elevation_bam32 = row.elevation_bam32;
+  ping->kind = row.has_range ? base::ReturnKind::kRange : base::ReturnKind::kNoReturn;
+  ping->quality = UINT8_MAX;
+  ping->range_um = row.range_um;
+  *pose = base::Pose{};
+  pose->t_us = row.t_us;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    pose->position_um[axis] = row.position_um[axis];
+    pose->covariance.sigma_position_mm[axis] =
+        static_cast<std::uint32_t>(std::llround(config.navigation.sigma_position_mm[axis]));
+  }
+  pose->attitude = row.attitude;
+  pose->validity = base::kPoseAll;
+}
+
+}  // namespace leadline::host
