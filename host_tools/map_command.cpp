@@ -29,7 +29,7 @@ double cpu_seconds() {
 
 std::string hex(std::uint64_t value, std::size_t digits) {
   std::array<char, 20> text{};
-  std::snprintf(text.data(), text.size(), "%0*llx", static_cast<int>(digits),
+  std::snprintf(text.data(), text.size(), "0x%0*llx", static_cast<int>(digits),
                 static_cast<unsigned long long>(value));
   return text.data();
 }
@@ -92,7 +92,7 @@ void print_summary(const MapOptions& options, const MapStats& stats) {
             << " voxel updates, at most " << stats.counters.max_voxels_per_ping
             << " per ping (bound " << stats.counters.work_bound << ")\nmodel          "
             << decimals(100.0 * stats.counters.known_fraction, 1) << " % of the voxels known, "
-            << decimals(stats.counters.entropy_bits, 3) << " bits each; map "
+            << decimals(stats.counters.entropy_bits, 0) << " bits open; map "
             << hex(stats.counters.map_hash, 16) << ", table " << hex(stats.counters.table_crc, 8)
             << "\nwritten to     " << options.out_dir
             << ": model.llm, depth.asc, sigma.asc, depth.png, stats.json\n";
@@ -136,10 +136,9 @@ int run_map(const MapOptions& options) {
   integrate_all(&reader, &map, &stats);
   if (stats.pings == 0) {
     throw HostError(ExitCode::kInput,
-                    options.pings_path + ": no row within min_range_mm = " +
-                        std::to_string(config.sonar.min_range_mm) +
-                        " and max_range_mm = " + std::to_string(config.sonar.max_range_mm) + " (" +
-                        rejected_text(stats) + ")");
+                    options.pings_path + ": no usable row (" + rejected_text(stats) +
+                        "); min_range_mm = " + std::to_string(config.sonar.min_range_mm) +
+                        ", max_range_mm = " + std::to_string(config.sonar.max_range_mm));
   }
   const double begin_s = cpu_seconds();
   map.extract();

@@ -1,5 +1,6 @@
 #include "host_tools/model_file.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -22,9 +23,6 @@ constexpr std::uint16_t kVersion = 1;
 constexpr std::size_t kHeader_bytes = 48;
 constexpr std::size_t kChecked_from = 24;
 constexpr std::uint64_t kVoxel_bytes = 4;
-
-/// Evidence (event units: 255 is the centre of one sharp event) below which nothing is claimed.
-constexpr unsigned kStateEvidence = 8;
 
 void put(std::string* out, std::uint64_t value, std::size_t size_bytes) {
   for (std::size_t i = 0; i < size_bytes; ++i) {
@@ -170,10 +168,15 @@ double voxel_signal(const model::Voxel& voxel) {
 }
 
 VoxelState voxel_state(const model::Voxel& voxel) {
-  if (static_cast<unsigned>(voxel.hit) + voxel.miss < kStateEvidence) {
+  const unsigned hit = voxel.hit;
+  const unsigned miss = voxel.miss;
+  if (hit + miss < kStateEvidence) {
     return VoxelState::kUnknown;
   }
-  return 2U * voxel.hit >= voxel.miss ? VoxelState::kOccupied : VoxelState::kFree;
+  if (hit >= miss) {
+    return VoxelState::kOccupied;
+  }
+  return miss >= 4 * hit ? VoxelState::kFree : VoxelState::kUnknown;
 }
 
 VoxelStates voxel_states(const SavedModel& saved) {

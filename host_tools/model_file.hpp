@@ -54,12 +54,16 @@ struct SavedModel {
 /// The same from a file, or from the model.llm of a folder that `leadline map` wrote.
 [[nodiscard]] SavedModel load_model_file(const std::string& path);
 
+/// Evidence (hit + miss, event units: 255 is the centre of one sharp event) below which nothing is
+/// claimed about a voxel.
+inline constexpr unsigned kStateEvidence = 8;
+
 /// Signal S of a voxel: share of its evidence that speaks for a surface, 0 .. 1; NaN when unknown.
 [[nodiscard]] double voxel_signal(const model::Voxel& voxel);
 
-/// What a pilot may rely on. Unknown: no evidence at all, or less than kStateEvidence. Occupied: the
-/// evidence for a surface is at least half of that against it (how the integrator weighs one against
-/// the other). Free: otherwise.
+/// What a pilot may rely on. Occupied: at least as much evidence for a surface as against it (S >= 0.5;
+/// the blur of range and position makes that a band about the surface). Free: at least four times as
+/// much against it (S <= 0.2). Unknown: anything between, and less evidence than kStateEvidence.
 [[nodiscard]] VoxelState voxel_state(const model::Voxel& voxel);
 
 /// `saved` must outlive what these return.

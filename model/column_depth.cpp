@@ -1,6 +1,7 @@
 #include "model/column_depth.hpp"
 
 #include "model/base/fixed.hpp"
+#include "model/column_kernels.hpp"
 
 namespace leadline::model {
 namespace {
@@ -9,14 +10,9 @@ using base::clamp;
 using base::max_of;
 using base::min_of;
 
-// A voxel that was seen empty this many times more often than occupied is no surface.
-constexpr std::uint32_t kVetoRatio = 4;
 constexpr std::uint32_t kRescaleAbove = 49152;
-constexpr int kIterations = 4;
-
-std::uint32_t vetoed(const Voxel& voxel) {
-  return voxel.miss > kVetoRatio * voxel.hit ? 0U : voxel.hit;
-}
+constexpr int kIterations = 3;
+constexpr std::int64_t kSettled_q8 = 8;  // a move below 1/32 cell ends the iteration
 
 // S in Q8, unknown = 128.
 std::int32_t signal_q8(const Voxel& voxel) {
@@ -54,17 +50,14 @@ ColumnDepth upper_crossing(const Voxel* voxels, std::int32_t depth_cells, std::u
 
 }  // namespace
 
-ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMethod method) {
-  // Two guard cells on either side so that smoothing needs no special cases.
-  std::uint32_t padded[kMaxDepthCells + 4];
-  std::uint32_t* const hits = padded + 2;
-  padded[0] = padded[1] = 0;
-  std::uint32_t mass = 0;
-  for (std::int32_t k = 0; k < depth_cells; ++k) {
-    hits[k] = vetoed(voxels[k]);
-    mass += hits[k];
-  }
-  hits[depth_cells] = hits[depth_cells + 1] = 0;
+ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMethod method,
+                         Rule rule) {
+  std::uint16_t padded[kMaxDepthCells + 2 * kProfileGuard];
+  std::uint16_t smoothed[kMaxDepthCells + 8];
+  std::uint16_t* const hits = padded + kProfileGuard;
+  const ProfileSummary profile = gather_profile(voxels, depth_cells, rule, hits, smoothed);
+  const std::uint32_t mass = profile.mass;
+  const std::uint32_t peak = profile.peak;
   if (mass == 0) {
     return ColumnDepth{kUnknownDepth, 0, false};
   }
@@ -75,42 +68,35 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
     return upper_crossing(voxels, depth_cells, mass);
   }
 
-  const auto smooth = [hits](std::int32_t k) {
-    return hits[k - 2] + 2 * hits[k - 1] + 3 * hits[k] + 2 * hits[k + 1] + hits[k + 2];
-  };
-  std::uint32_t peak = 0;
   std::int32_t peak_k = 0;
-  for (std::int32_t k = 0; k < depth_cells; ++k) {
-    const std::uint32_t value = smooth(k);
-    if (value > peak) {
-      peak = value;
-      peak_k = k;
-    }
+  while (smoothed[peak_k] != peak) {
+    ++peak_k;
   }
   const std::uint32_t floor = peak / 10;
   std::int32_t top = peak_k;
   std::int32_t bottom = peak_k;
-  while (top > 0 && smooth(top - 1) > floor) {
+  while (top > 0 && smoothed[top - 1] > floor) {
     --top;
   }
-  while (bottom < depth_cells - 1 && smooth(bottom + 1) > floor) {
+  while (bottom < depth_cells - 1 && smoothed[bottom + 1] > floor) {
     ++bottom;
   }
-  std::int64_t sum = 0;
+  std::uint64_t sum = 0;
   std::int64_t moment1 = 0;
   std::int64_t moment2 = 0;
   for (std::int32_t k = top; k <= bottom; ++k) {
-    const std::int64_t offset = k - peak_k;
-    const std::int64_t weight = hits[k];
-    sum += weight;
-    moment1 += weight * offset;
-    moment2 += weight * offset * offset;
+    const std::int32_t offset = k - peak_k;
+    const std::int64_t weighted = static_cast<std::int64_t>(hits[k]) * offset;
+    sum += hits[k];
+    moment1 += weighted;
+    moment2 += weighted * offset;
   }
   if (sum == 0) {
     return ColumnDepth{kUnknownDepth, mass, false};
   }
-  const std::int64_t mean_q8 = moment1 * 256 / sum;
-  const std::int64_t variance_q16 = max_of<std::int64_t>(0, moment2 * 65536 / sum - mean_q8 * mean_q8);
+  const auto total = static_cast<std::int64_t>(sum);
+  const std::int64_t mean_q8 = moment1 * 256 / total;
+  const std::int64_t variance_q16 = max_of<std::int64_t>(0, moment2 * 65536 / total - mean_q8 * mean_q8);
   const std::int64_t sigma_q8 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16));
   const std::int64_t wide_q8 = clamp<std::int64_t>((sigma_q8 * 7) >> 1, 3 * 256, 64 * 256);
 
@@ -138,17 +124,19 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
     }
     const std::int64_t move = weight_moment / weight_sum;
     estimate_q8 += move;
-    if (move == 0) {
+    if (move > -kSettled_q8 && move < kSettled_q8) {
       break;
     }
   }
 
-  bool multi = false;
-  for (std::int32_t k = 0; k < depth_cells; ++k) {
-    const bool apart = k < top - 2 || k > bottom + 2;
-    multi = multi || (apart && 4 * smooth(k) > peak);
+  std::uint32_t second = 0;
+  for (std::int32_t k = 0; k < top - 2; ++k) {
+    second = max_of<std::uint32_t>(second, smoothed[k]);
   }
-  return ColumnDepth{static_cast<std::int32_t>(estimate_q8), mass, multi};
+  for (std::int32_t k = bottom + 3; k < depth_cells; ++k) {
+    second = max_of<std::uint32_t>(second, smoothed[k]);
+  }
+  return ColumnDepth{static_cast<std::int32_t>(estimate_q8), mass, 4 * second > peak};
 }
 
 bool rescale_column(Voxel* voxels, std::int32_t depth_cells) {

@@ -21,12 +21,13 @@ enum class DepthMethod : std::uint8_t {
   kUpperCrossing = 2,  ///< where S first rises through 0.5, interpolated
 };
 
-/// Robust moment: peak of the smoothed hits; the run around it above a tenth of the peak gives mean
+/// Robust moment: peak of the smoothed evidence; the run around it above a tenth of the peak gives mean
 /// and width; then the mean in a window of 3.5 widths, tapered by 1 - u^2 and kept symmetric about the
-/// estimate (so that the grid's top and bottom do not pull), iterated. Voxels whose evidence against
-/// outweighs the evidence for them by kVetoRatio do not count. O(depth), no division per voxel.
+/// estimate (so that the grid's top and bottom do not pull), iterated. The evidence of a voxel is its
+/// `hit`, unless it was seen empty four times as often (kLogOdds), or hit - miss where positive
+/// (kWeightedMean, whose empty evidence leaves traces in both halves). O(depth), no division per voxel.
 [[nodiscard]] ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells,
-                                       DepthMethod method);
+                                       DepthMethod method, Rule rule);
 
 /// Halves every voxel of the column when one of its halves has passed three quarters of the range;
 /// rounding alternates, so that it is unbiased. Returns whether it did. O(depth).

@@ -4,7 +4,50 @@
 #include <emmintrin.h>
 #endif
 
+#include "model/base/fixed.hpp"
+
 namespace leadline::model {
+namespace {
+
+// A voxel that was seen empty this many times more often than occupied is no surface.
+constexpr std::uint32_t kVetoRatio = 4;
+// Smoothing multiplies by at most 9: evidence is brought below 2^11 to stay within 15 bits.
+constexpr int kSmoothBits = 11;
+
+unsigned smoothing_shift(std::uint32_t largest) {
+  return static_cast<unsigned>(base::max_of(0, 32 - base::leading_zeros(largest) - kSmoothBits));
+}
+
+}  // namespace
+
+ProfileSummary gather_profile_scalar(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
+                                     std::uint16_t* evidence, std::uint16_t* smoothed) {
+  ProfileSummary out{0, 0, 0};
+  std::uint32_t largest = 0;
+  for (std::int32_t i = 1; i <= kProfileGuard; ++i) {
+    evidence[-i] = 0;
+    evidence[depth_cells - 1 + i] = 0;
+  }
+  for (std::int32_t k = 0; k < depth_cells; ++k) {
+    const std::uint32_t hit = voxels[k].hit;
+    const std::uint32_t miss = voxels[k].miss;
+    const std::uint32_t value = rule == Rule::kLogOdds ? (miss > kVetoRatio * hit ? 0U : hit)
+                                                       : (miss > hit ? 0U : hit - miss);
+    evidence[k] = static_cast<std::uint16_t>(value);
+    out.mass += value;
+    largest = base::max_of(largest, value);
+  }
+  out.shift = smoothing_shift(largest);
+  const auto at = [evidence, &out](std::int32_t k) {
+    return static_cast<std::uint32_t>(evidence[k]) >> out.shift;
+  };
+  for (std::int32_t k = 0; k < depth_cells; ++k) {
+    const std::uint32_t value = at(k - 2) + 2U * at(k - 1) + 3U * at(k) + 2U * at(k + 1) + at(k + 2);
+    smoothed[k] = static_cast<std::uint16_t>(value);
+    out.peak = base::max_of(out.peak, value);
+  }
+  return out;
+}
 
 void add_shell_scalar(Voxel* voxels, const std::int16_t* taps, std::int32_t count,
                       std::uint32_t first, const Evidence& evidence, std::uint32_t dither_base) {
@@ -51,7 +94,85 @@ inline void accumulate(Voxel* voxels, __m128i increment) {
   _mm_storeu_si128(address, _mm_adds_epu16(_mm_loadu_si128(address), increment));
 }
 
+// Hit (or miss) halves of eight voxels as 16-bit lanes: sign-extended so that packing keeps the bits.
+inline __m128i low_halves(__m128i a, __m128i b) {
+  return _mm_packs_epi32(_mm_srai_epi32(_mm_slli_epi32(a, 16), 16), _mm_srai_epi32(_mm_slli_epi32(b, 16), 16));
+}
+inline __m128i high_halves(__m128i a, __m128i b) {
+  return _mm_packs_epi32(_mm_srai_epi32(a, 16), _mm_srai_epi32(b, 16));
+}
+
+inline __m128i load(const void* address) {
+  return _mm_loadu_si128(reinterpret_cast<const __m128i*>(address));
+}
+inline void store(void* address, __m128i value) {
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(address), value);
+}
+
 }  // namespace
+
+ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
+                              std::uint16_t* evidence, std::uint16_t* smoothed) {
+  const __m128i zero = _mm_setzero_si128();
+  store(evidence - 8, zero);
+  __m128i sum = zero;
+  __m128i any = zero;  // OR of all evidence: its leading bit is that of the largest
+  const bool log_odds = rule == Rule::kLogOdds;
+  for (std::int32_t k = 0; k < depth_cells; k += 8) {
+    const __m128i a = load(voxels + k);
+    const __m128i b = load(voxels + k + 4);
+    const __m128i hit = low_halves(a, b);
+    const __m128i miss = high_halves(a, b);
+    __m128i value = zero;
+    if (log_odds) {
+      const __m128i twice = _mm_adds_epu16(hit, hit);
+      const __m128i over = _mm_subs_epu16(miss, _mm_adds_epu16(twice, twice));
+      value = _mm_and_si128(hit, _mm_cmpeq_epi16(over, zero));
+    } else {
+      value = _mm_subs_epu16(hit, miss);
+    }
+    if (k + 8 > depth_cells) {
+      // The next column's voxels do not belong here.
+      const __m128i lanes = _mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0);
+      value = _mm_and_si128(value, _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<short>(depth_cells - k)), lanes));
+    }
+    store(evidence + k, value);
+    any = _mm_or_si128(any, value);
+    sum = _mm_add_epi32(sum, _mm_add_epi32(_mm_unpacklo_epi16(value, zero), _mm_unpackhi_epi16(value, zero)));
+  }
+  store(evidence + depth_cells, zero);
+  store(evidence + depth_cells + 8, zero);
+  alignas(16) std::uint32_t sums[4];
+  alignas(16) std::uint16_t bits[8];
+  store(sums, sum);
+  store(bits, any);
+  ProfileSummary out{sums[0] + sums[1] + sums[2] + sums[3], 0, 0};
+  std::uint32_t all = 0;
+  for (const std::uint16_t lane : bits) {
+    all |= lane;
+  }
+  out.shift = smoothing_shift(all);
+  const __m128i shift = _mm_cvtsi32_si128(static_cast<int>(out.shift));
+  __m128i peak = zero;
+  for (std::int32_t k = 0; k < depth_cells; k += 8) {
+    const auto at = [&](std::int32_t offset) { return _mm_srl_epi16(load(evidence + k + offset), shift); };
+    const __m128i centre = at(0);
+    const __m128i near = _mm_add_epi16(_mm_add_epi16(at(-1), at(1)), centre);
+    __m128i value = _mm_add_epi16(_mm_add_epi16(near, near), _mm_add_epi16(centre, _mm_add_epi16(at(-2), at(2))));
+    if (k + 8 > depth_cells) {
+      const __m128i lanes = _mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0);
+      value = _mm_and_si128(value, _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<short>(depth_cells - k)), lanes));
+    }
+    store(smoothed + k, value);
+    peak = _mm_max_epi16(peak, value);
+  }
+  alignas(16) std::uint16_t peaks[8];
+  store(peaks, peak);
+  for (const std::uint16_t lane : peaks) {
+    out.peak = base::max_of<std::uint32_t>(out.peak, lane);
+  }
+  return out;
+}
 
 void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count, std::uint32_t first,
                const Evidence& evidence, std::uint32_t dither_base) {
@@ -89,6 +210,11 @@ void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first, const E
 }
 
 #else
+
+ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
+                              std::uint16_t* evidence, std::uint16_t* smoothed) {
+  return gather_profile_scalar(voxels, depth_cells, rule, evidence, smoothed);
+}
 
 void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count, std::uint32_t first,
                const Evidence& evidence, std::uint32_t dither_base) {

@@ -42,6 +42,24 @@ void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count, std:
 void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first, const Evidence& evidence,
                  std::uint32_t dither_base);
 
+/// Summary of a column's evidence profile.
+struct ProfileSummary {
+  std::uint32_t mass;  ///< sum of evidence
+  std::uint32_t peak;  ///< largest smoothed value
+  unsigned shift;      ///< `smoothed` was computed from evidence >> shift, so that it fits 15 bits
+};
+
+/// Guard cells that gather_profile() needs before and after `evidence`, and padding of its length.
+inline constexpr std::int32_t kProfileGuard = 16;
+
+/// Evidence of every voxel of a column (see column_depth()) into evidence[0, depth_cells), zeros into
+/// the guards around it, and evidence smoothed by (1 2 3 2 1) into smoothed[0, depth_cells).
+/// `smoothed` must have room for depth_cells + 8. O(depth).
+ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
+                              std::uint16_t* evidence, std::uint16_t* smoothed);
+ProfileSummary gather_profile_scalar(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
+                                     std::uint16_t* evidence, std::uint16_t* smoothed);
+
 /// The same, without vector instructions: the reference for tests and targets without them.
 void add_shell_scalar(Voxel* voxels, const std::int16_t* taps, std::int32_t count,
                       std::uint32_t first, const Evidence& evidence, std::uint32_t dither_base);

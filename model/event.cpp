@@ -392,62 +392,81 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   return event;
 }
 
-Cone make_cone(const Scale& scale, const Direction& axis, const std::int32_t origin_q16[3],
-               std::int32_t range_q10) {
+std::int32_t cone_growth_q20(std::int32_t tan_q20, std::int32_t range_q10) {
+  const std::int64_t end_q10 = mul_shift(tan_q20, range_q10, 20);
+  if (end_q10 <= kTouch_q10 || range_q10 <= 0) {
+    return kLeastGrowth_q20;
+  }
+  return static_cast<std::int32_t>(
+      max_of<std::int64_t>(((end_q10 - kTouch_q10) << 20) / range_q10, kLeastGrowth_q20));
+}
+
+Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10) {
   Cone cone{};
   const std::int64_t un = axis.q30[0];
   const std::int64_t ue = axis.q30[1];
-  const std::int64_t uz = axis.q30[2];
-  const std::int64_t tan_q20 = scale.cone_tan_q20;
-  cone.tan_q20 = scale.cone_tan_q20;
-  const std::int64_t setback_q10 = (static_cast<std::int64_t>(kTouch_q10) << 20) / tan_q20;
-  const std::int64_t u[3] = {un, ue, uz};
-  for (int i = 0; i < 3; ++i) {
-    cone.apex_q10[i] = static_cast<std::int32_t>((origin_q16[i] >> 6) - mul_shift(setback_q10, u[i], 30));
-  }
-  cone.start_q10 = static_cast<std::int32_t>(setback_q10);
-  cone.end_q10 = static_cast<std::int32_t>(setback_q10 + range_q10);
-  const auto horizontal_q30 =
-      static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(un * un + ue * ue)));
-  if (horizontal_q30 > (1 << 16)) {
-    cone.heading_north_q20 = static_cast<std::int32_t>((un << 20) / horizontal_q30);
-    cone.heading_east_q20 = static_cast<std::int32_t>((ue << 20) / horizontal_q30);
+  cone.down_q30 = axis.q30[2];
+  cone.horizontal_q30 = sqrt_u64(static_cast<std::uint64_t>(un * un + ue * ue));
+  if (cone.horizontal_q30 > (1 << 12)) {
+    cone.heading_north_q20 = (un << 20) / cone.horizontal_q30;
+    cone.heading_east_q20 = (ue << 20) / cone.horizontal_q30;
   } else {
     cone.heading_north_q20 = 1 << 20;
     cone.heading_east_q20 = 0;
   }
-  const std::int64_t c_q20 = horizontal_q30 >> 10;
-  const std::int64_t s_q20 = uz >> 10;
-  cone.axis_horizontal_q20 = static_cast<std::int32_t>(c_q20);
-  cone.axis_down_q20 = static_cast<std::int32_t>(s_q20);
-  const std::int64_t k2_q20 = (1LL << 20) + mul_shift(tan_q20, tan_q20, 20);
-  std::int64_t a_q20 = (1LL << 20) - mul_shift(k2_q20, mul_shift(s_q20, s_q20, 20), 20);
-  // An axis at the cone's own angle from the vertical makes the quadratic degenerate; half a percent
-  // of A moves the far wall of the cone only, which the end cap cuts long before.
-  constexpr std::int64_t kLeast_q20 = 1 << 12;
-  if (a_q20 > -kLeast_q20 && a_q20 < kLeast_q20) {
-    a_q20 = a_q20 < 0 ? -kLeast_q20 : kLeast_q20;
-  }
-  cone.a_q20 = static_cast<std::int32_t>(a_q20);
-  cone.inverse_a_q12 = static_cast<std::int32_t>((1LL << 32) / a_q20);
-  cone.b_q20 = static_cast<std::int32_t>(mul_shift(k2_q20, mul_shift(c_q20, s_q20, 20), 20));
-  constexpr std::int64_t kLevel_q20 = 1 << 14;
+  cone.growth_q20 = cone_growth_q20(scale.cone_tan_q20, range_q10);
+  cone.range_q10 = range_q10;
+  cone.radius_q10 = kTouch_q10 + mul_shift(cone.growth_q20, range_q10, 20);
+  const std::int64_t growth_down_q30 = mul_shift(cone.growth_q20, cone.down_q30, 20);
+  cone.a_q30 = mul_shift(cone.horizontal_q30, cone.horizontal_q30, 30) -
+               mul_shift(growth_down_q30, growth_down_q30, 30);
+  constexpr std::int64_t kLevel_q30 = 1 << 24;
   cone.inverse_down_q12 =
-      s_q20 > kLevel_q20 || s_q20 < -kLevel_q20 ? static_cast<std::int32_t>((1LL << 32) / s_q20) : 0;
-  // Horizontal extent: along the heading at most c*end + s*end*tan; sideways the wedge t / sqrt(A).
-  const std::int64_t s_abs_q20 = s_q20 < 0 ? -s_q20 : s_q20;
-  const std::int64_t end_q10 = cone.end_q10;
-  cone.reach_q10 = static_cast<std::int32_t>(
-      mul_shift(end_q10, c_q20, 20) + mul_shift(mul_shift(end_q10, tan_q20, 20), s_abs_q20, 20) + 1024);
-  if (a_q20 > 0) {
-    const auto root_q20 =
-        static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(a_q20) << 20U));
-    cone.wedge_q12 = static_cast<std::int32_t>(
-        min_of<std::int64_t>((tan_q20 << 12) / max_of<std::int64_t>(root_q20, 1) + 1, 1 << 20));
-  } else {
-    cone.wedge_q12 = 0;
-  }
+      cone.down_q30 > kLevel_q30 || cone.down_q30 < -kLevel_q30 ? (1LL << 42) / cone.down_q30 : 0;
   return cone;
+}
+
+ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
+  constexpr ColumnSpan kOutside{1, 0};
+  constexpr std::int64_t kFar_q10 = 1LL << 26;
+  // |x| < 16000 cells: p_q20 below 2^34.
+  const std::int64_t p_q20 = mul_shift(cone.horizontal_q30, x_q10, 20);
+  const std::int64_t gp_q20 = mul_shift(cone.growth_q20, p_q20, 20);
+  const std::int64_t b_q20 =
+      mul_shift(cone.down_q30,
+                p_q20 + mul_shift(cone.growth_q20, gp_q20, 20) + ((cone.growth_q20 * kTouch_q10) >> 10), 30);
+  const std::int64_t sx_q10 = mul_shift(cone.down_q30, x_q10, 30);
+  const std::int64_t radius_q10 = kTouch_q10 + (gp_q20 >> 10);
+  const std::int64_t c_q20 = sx_q10 * sx_q10 + y_q10 * y_q10 - radius_q10 * radius_q10;
+  // B below 2^31 (2000 cells): B^2 below 2^62; A <= 1 in Q24 times C below 2^36.
+  const std::int64_t disc_q40 = b_q20 * b_q20 - mul_shift(cone.a_q30 >> 6, c_q20, 4);
+  if (disc_q40 < 0) {
+    return kOutside;
+  }
+  const auto root_q20 = static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40)));
+  // The two roots without cancellation: q / A and C / q.
+  const std::int64_t q_q20 = b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20;
+  const std::int64_t one_q10 = q_q20 == 0 ? 0 : clamp((c_q20 << 10) / q_q20, -kFar_q10, kFar_q10);
+  const std::int64_t other_sign = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
+  const std::int64_t other_q10 =
+      cone.a_q30 > -16 && cone.a_q30 < 16 ? other_sign
+                                          : clamp((q_q20 << 20) / cone.a_q30, -kFar_q10, kFar_q10);
+  ColumnSpan span{min_of(one_q10, other_q10), max_of(one_q10, other_q10)};
+  if (cone.a_q30 < 0) {
+    // The vertical runs inside the opening: forward of the farther root only.
+    span = cone.down_q30 > 0 ? ColumnSpan{span.bottom_q10, kFar_q10} : ColumnSpan{-kFar_q10, span.top_q10};
+  }
+  // Slant distance p + s z between the transducer and the end.
+  const std::int64_t p_q10 = p_q20 >> 10;
+  if (cone.inverse_down_q12 != 0) {
+    const std::int64_t at_start = mul_shift(-p_q10, cone.inverse_down_q12, 12);
+    const std::int64_t at_end = mul_shift(cone.range_q10 - p_q10, cone.inverse_down_q12, 12);
+    span.top_q10 = max_of(span.top_q10, min_of(at_start, at_end));
+    span.bottom_q10 = min_of(span.bottom_q10, max_of(at_start, at_end));
+  } else if (p_q10 < 0 || p_q10 > cone.range_q10) {
+    return kOutside;
+  }
+  return span;
 }
 
 }  // namespace leadline::model

@@ -104,30 +104,42 @@ inline constexpr std::int32_t kGrazingCosine_q30 = 214748365;  // 0.2
 /// Half-width in cells Q16 of a level's kernel: max(1.5, min(2 sigma, 7)).
 [[nodiscard]] std::int32_t kernel_reach_q16(std::uint8_t level);
 
-/// The cone of empty evidence before a shell, ready for column-wise traversal.
+/// The cone of empty evidence before a shell: a frustum of radius kTouch + growth * a at slant distance
+/// a from the transducer, 0 <= a <= range, ready for column-wise traversal. In a column at horizontal
+/// offset (x along the axis' heading, y across), depth z below the transducer lies inside when
+///   A z^2 - 2 B z + C <= 0,  A = c^2 - g^2 s^2,  B = s (p + g^2 p + g kTouch),  p = c x,
+///   C = (s x)^2 + y^2 - (kTouch + g p)^2
+/// with c, s the horizontal and vertical parts of the axis and g the growth.
 struct Cone {
-  std::int32_t apex_q10[3];        ///< virtual apex, set back so that the cone is half a cell thick there
-  std::int32_t axis_horizontal_q20;  ///< horizontal length c of the axis, 0..1
-  std::int32_t axis_down_q20;        ///< vertical component s of the axis, -1..1
-  std::int32_t heading_north_q20;    ///< unit vector of the axis' horizontal direction
-  std::int32_t heading_east_q20;
-  std::int32_t tan_q20;            ///< half-angle
-  std::int32_t start_q10;          ///< slant distance from the virtual apex to the real transducer
-  std::int32_t end_q10;            ///< slant distance from the virtual apex to the end of the cone
-  std::int32_t a_q20;              ///< 1 - (1 + tan^2) s^2, kept away from zero
-  std::int32_t inverse_a_q12;
-  std::int32_t b_q20;              ///< (1 + tan^2) c s
-  std::int32_t inverse_down_q12;   ///< 1 / s, 0 when the axis is nearly horizontal
-  std::int32_t wedge_q12;          ///< horizontal opening |y| <= wedge * x; 0 = all directions
-  std::int32_t reach_q10;          ///< horizontal distance from the virtual apex that bounds the cone
+  std::int64_t horizontal_q30;  ///< c, 0..1
+  std::int64_t down_q30;        ///< s, -1..1
+  std::int64_t heading_north_q20;  ///< unit vector of the axis' horizontal direction
+  std::int64_t heading_east_q20;
+  std::int64_t growth_q20;
+  std::int64_t a_q30;
+  std::int64_t range_q10;
+  std::int64_t radius_q10;        ///< at the far end, the largest
+  std::int64_t inverse_down_q12;  ///< 1 / s, 0 when the axis is nearly horizontal
 };
 
-/// Half the diagonal of a voxel: a cone this much thicker than the beam touches every voxel that the
-/// beam crosses, however thin it is.
+/// Half the diagonal of a voxel: a cone at least this thick touches every voxel that its axis crosses,
+/// however thin the beam is.
 inline constexpr std::int32_t kTouch_q10 = 887;
+/// Least opening of the virtual cone, 1/1024.
+inline constexpr std::int32_t kLeastGrowth_q20 = 1024;
 
-/// Cone along `axis` from `origin_q16`, ending `range_q10` cells from the transducer.
-[[nodiscard]] Cone make_cone(const Scale& scale, const Direction& axis,
-                             const std::int32_t origin_q16[3], std::int32_t range_q10);
+/// Opening (tan) of the frustum that is kTouch thick at the transducer and as wide as the beam, or as
+/// thick as it began, at `range_q10`: it holds the beam's cone and the tube of every crossed voxel.
+[[nodiscard]] std::int32_t cone_growth_q20(std::int32_t tan_q20, std::int32_t range_q10);
+
+/// Cone along `axis`, ending `range_q10` cells from the transducer.
+[[nodiscard]] Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10);
+
+/// Depths below the transducer, Q10 cells, between which a column at (x, y) lies inside the cone.
+struct ColumnSpan {
+  std::int64_t top_q10;
+  std::int64_t bottom_q10;  ///< below top: the column is outside
+};
+[[nodiscard]] ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10);
 
 }  // namespace leadline::model

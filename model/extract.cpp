@@ -86,7 +86,7 @@ void Model::extract_raw(DepthMethod method) {
     if ((record.flags & kColumnTouched) == 0) {
       continue;
     }
-    const ColumnDepth found = column_depth(grid_.column_voxels(column), depth_cells, method);
+    const ColumnDepth found = column_depth(grid_.column_voxels(column), depth_cells, method, config_.rule);
     results_[column].raw_q8 = found.depth_q8;
     results_[column].mass = found.mass;
     record.flags = static_cast<std::uint8_t>(

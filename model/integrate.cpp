@@ -15,8 +15,15 @@ using base::ratio;
 // Strength of the empty evidence of one ping beside the peak of its shell: 1/2. A voxel is a surface
 // when it was hit more than half as often as it was looked through.
 constexpr int kEmptyShift = 1;
-// A column is read again for the slope once its evidence has doubled.
-constexpr std::uint32_t kRegrowth = 2;
+// Separates the dither sequences of columns (odd, so that it is a permutation).
+constexpr std::uint32_t kColumnDither = 0x85EBCA6BU;
+// Columns with less evidence than this cannot hold a voxel near saturation.
+constexpr std::uint32_t kRescaleMass = 49152;
+// Voxels of a column that share one weight of empty evidence.
+constexpr std::int64_t kRun = 24;
+// A column is read again for the slope once its evidence has grown fourfold (twofold and fivefold
+// give the same accuracy within 0.3 %, DESIGN.md).
+constexpr std::uint32_t kRegrowth = 4;
 // The slope's columns stand this many lateral standard deviations apart.
 constexpr std::int64_t kSlopeStride = 2;
 // Prior of the slope: as if a flat bottom had been seen with this weight (1 / 0.5^2 per cell^2).
@@ -114,10 +121,11 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
       ColumnRecord& record = grid_.column(index);
       if (record.gain > (kRegrowth - 1) * record.mass) {
         Voxel* const voxels = grid_.column_voxels(index);
-        if (rescale_column(voxels, scale_.size[2])) {
+        // The evidence of a column bounds that of its voxels: most columns need no look for saturation.
+        if (record.mass + record.gain > kRescaleMass && rescale_column(voxels, scale_.size[2])) {
           ++counters_.columns_rescaled;
         }
-        const ColumnDepth column = column_depth(voxels, scale_.size[2], DepthMethod::kRobustMoment);
+        const ColumnDepth column = column_depth(voxels, scale_.size[2], DepthMethod::kRobustMoment, config_.rule);
         ++counters_.column_extractions;
         record.depth_q8 = column.depth_q8;
         record.mass = column.mass;
@@ -173,19 +181,26 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
          scale_.confidence_scale_q22) >> 22U);
     against_q15 = kEmptyRho_q15[min_of<std::uint32_t>(index, 64)];
   }
-  TileId last_tile = UINT32_MAX;
+  const auto& kernel = table_.kernel_q15[event.level];
+  const auto& kernel_first = table_.kernel_first[event.level];
+  const auto& kernel_count = table_.kernel_count[event.level];
+  std::uint32_t columns = 0;
+  std::uint32_t written = 0;
   for (std::int32_t n = event.north0; n <= event.north1; ++n) {
     const std::int32_t row = n - event.north0;
-    std::int64_t xi = event.xi0_q16 + static_cast<std::int64_t>(row) * event.xi_dn_q16;
-    std::int64_t eta = event.eta0_q16 + static_cast<std::int64_t>(row) * event.eta_dn_q16;
-    std::int64_t depth = event.depth0_q16 + static_cast<std::int64_t>(row) * event.depth_dn_q16;
+    std::int32_t xi = event.xi0_q16 + row * event.xi_dn_q16;
+    std::int32_t eta = event.eta0_q16 + row * event.eta_dn_q16;
+    std::int32_t depth = event.depth0_q16 + row * event.depth_dn_q16;
+    std::uint32_t row_base = 0;       // storage index of column (n, first of the tile)
+    std::int32_t tile_end = event.east0;  // first column east of the current tile
     for (std::int32_t e = event.east0; e <= event.east1;
          ++e, xi += event.xi_de_q16, eta += event.eta_de_q16, depth += event.depth_de_q16) {
       if (xi > kCut_q16 || xi < -kCut_q16 || eta > kCut_q16 || eta < -kCut_q16) {
         continue;
       }
-      const auto xi2 = static_cast<std::uint32_t>((xi * xi) >> 16);
-      const auto eta2 = static_cast<std::uint32_t>((eta * eta) >> 16);
+      // Squares of at most 2.2 in Q16: the products fit 36 bits before the shift.
+      const auto xi2 = static_cast<std::uint32_t>((static_cast<std::int64_t>(xi) * xi) >> 16);
+      const auto eta2 = static_cast<std::uint32_t>((static_cast<std::int64_t>(eta) * eta) >> 16);
       if (xi2 + eta2 >= cut_q16) {
         continue;
       }
@@ -199,44 +214,38 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
       } else {
         weight_q7 = (event.weight_q7 * along[(((xi2 + eta2) >> 6U) * kEntries_q10) >> 20U]) >> 15U;
       }
-      if (weight_q7 == 0) {
-        continue;
-      }
-      const std::int64_t cell = depth >> 16;
       const auto phase = static_cast<std::uint32_t>((depth >> 12) & 15);
-      const std::int64_t first_tap = table_.kernel_first[event.level][phase];
-      const std::int64_t start = cell - kKernelCentre + first_tap;
-      const std::int64_t low = max_of<std::int64_t>(start, 0);
-      const std::int64_t high = min_of<std::int64_t>(
-          start + table_.kernel_count[event.level][phase], depth_cells);
-      if (low >= high) {
+      const std::int32_t first_tap = kernel_first[phase];
+      const std::int32_t start = (depth >> 16) - kKernelCentre + first_tap;
+      const std::int32_t low = max_of(start, 0);
+      const std::int32_t count = min_of(start + kernel_count[phase], depth_cells) - low;
+      if (weight_q7 == 0 || count <= 0) {
         continue;
       }
-      const std::uint32_t column = grid_.column_index(n, e);
-      const std::int16_t* const taps =
-          table_.kernel_q15[event.level][phase] + (first_tap + (low - start));
-      const auto count = static_cast<std::int32_t>(high - low);
-      const Evidence evidence{weight_q7 - ((weight_q7 * against_q15) >> 15U),
-                              (weight_q7 * against_q15) >> 15U};
-      const std::uint32_t dither = seed + column * 0x85EBCA6BU;
-      add_shell(grid_.column_voxels(column) + low, taps, count, static_cast<std::uint32_t>(low),
-                evidence, dither);
-      voxels_this_ping_ += static_cast<std::uint32_t>(count);
-      ++counters_.columns_updated;
+      if (e >= tile_end) {
+        // One look at the page table per tile and row.
+        row_base = grid_.column_index(n, e & ~(kTileCells - 1));
+        tile_end = (e | (kTileCells - 1)) + 1;
+        ++grid_.tile(grid_.tile_of(n, e)).generation;
+      }
+      const std::uint32_t column = row_base + static_cast<std::uint32_t>(e & (kTileCells - 1));
+      const std::uint32_t against_q7 = (weight_q7 * against_q15) >> 15U;
+      add_shell(grid_.column_voxels(column) + low, kernel[phase] + first_tap + (low - start), count,
+                static_cast<std::uint32_t>(low), Evidence{weight_q7 - against_q7, against_q7},
+                seed + column * kColumnDither);
+      written += static_cast<std::uint32_t>(count);
+      ++columns;
       ColumnRecord& record = grid_.column(column);
       record.gain += (weight_q7 >> 7U) + 1U;
       record.last_touch_ds = now_ds;
-      const std::int32_t change = (static_cast<std::int32_t>(event.blur_q8) - record.blur_q8) / 4;
+      const std::int32_t change = (static_cast<std::int32_t>(event.blur_q8) - record.blur_q8) >> 2;
       record.blur_q8 = static_cast<std::uint16_t>(
           (record.flags & kColumnTouched) != 0 ? record.blur_q8 + change : event.blur_q8);
       record.flags |= kColumnTouched | kColumnDirty;
-      const TileId tile = grid_.tile_of(n, e);
-      if (tile != last_tile) {
-        ++grid_.tile(tile).generation;
-        last_tile = tile;
-      }
     }
   }
+  voxels_this_ping_ += written;
+  counters_.columns_updated += columns;
 }
 
 void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
@@ -244,106 +253,65 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
   if (range_q10 <= 0) {
     return;
   }
-  const Cone cone = make_cone(scale_, frame.axis, sighting.origin_q16, range_q10);
+  const Cone cone = make_cone(scale_, frame.axis, range_q10);
   const std::int64_t depth_cells = scale_.size[2];
   const std::uint32_t seed = base::mix_u32(ping_number_ ^ 0x5BD1E995U);
   const std::uint32_t budget = voxels_this_ping_ + cone_budget_;
   const std::int64_t hn = cone.heading_north_q20;
   const std::int64_t he = cone.heading_east_q20;
-  const std::int64_t c = cone.axis_horizontal_q20;
-  const std::int64_t s = cone.axis_down_q20;
-  const std::int64_t a = cone.a_q20;
-  const std::int64_t tan_end_q10 = mul_shift(cone.end_q10, cone.tan_q20, 20);
-
-  // Rows north: the horizontal extent of the virtual cone, cut at the transducer's own side.
-  const std::int64_t tip_n = cone.apex_q10[0] + mul_shift(cone.end_q10, frame.axis.q30[0], 30);
-  const std::int64_t tip_e = cone.apex_q10[1] + mul_shift(cone.end_q10, frame.axis.q30[1], 30);
   const std::int64_t origin_n = sighting.origin_q16[0] >> 6;
   const std::int64_t origin_e = sighting.origin_q16[1] >> 6;
-  const auto cells_from = [](std::int64_t low_q10, std::int64_t floor_cell) {
-    return max_of<std::int64_t>(floor_cell, (low_q10 - 512 + 1023) >> 10);
+  const std::int64_t origin_z = sighting.origin_q16[2] >> 6;
+  const std::int64_t radius = cone.radius_q10;
+  const std::int64_t tip_n = mul_shift(range_q10, frame.axis.q30[0], 30);
+  const std::int64_t tip_e = mul_shift(range_q10, frame.axis.q30[1], 30);
+  const bool two_axis = table_.two_axis != 0;
+  const std::int64_t grow_along_q20 = two_axis ? cone_growth_q20(scale_.tan_along_q20, range_q10) : 0;
+  const std::int64_t grow_across_q20 = two_axis ? cone_growth_q20(scale_.tan_across_q20, range_q10) : 0;
+  const std::int64_t reach = mul_shift(cone.horizontal_q30, range_q10, 30) + radius;
+  const bool plane = shell != nullptr && !shell->wall;
+  const std::int64_t clearance_q16 = plane ? kernel_reach_q16(shell->level) + 0x8000 : 0;
+  // Cells whose centres lie between two offsets from the transducer.
+  const auto cells_from = [](std::int64_t low_q10) {
+    return max_of<std::int64_t>(0, (low_q10 + 511) >> 10);
   };
   const auto cells_to = [](std::int64_t high_q10, std::int64_t cells) {
     return min_of<std::int64_t>(cells - 1, (high_q10 - 512) >> 10);
   };
-  const std::int64_t n0 = cells_from(min_of(tip_n - tan_end_q10, origin_n - kTouch_q10), 0);
-  const std::int64_t n1 = cells_to(max_of(tip_n + tan_end_q10, origin_n + kTouch_q10), scale_.size[0]);
-  const std::int64_t box_e0 = min_of(tip_e - tan_end_q10, origin_e - kTouch_q10);
-  const std::int64_t box_e1 = max_of(tip_e + tan_end_q10, origin_e + kTouch_q10);
-  // In a wedge-shaped cone the rows' east limits follow from |across| <= wedge * along.
-  const bool wedge = cone.wedge_q12 != 0;
-  const std::int64_t edge1_q20 = he * 4096 + cone.wedge_q12 * hn;   // coefficients of dn, Q32
-  const std::int64_t edge2_q20 = he * 4096 - cone.wedge_q12 * hn;
-  const std::int64_t lean1_q20 = hn * 4096 - cone.wedge_q12 * he;   // coefficients of de, Q32
-  const std::int64_t lean2_q20 = hn * 4096 + cone.wedge_q12 * he;
+  // Seen from above the cone is a band |y| <= radius: a row cuts it between (he dn +- radius) / hn.
+  const bool banded = hn > (1 << 16) || hn < -(1 << 16);
+  const std::int64_t band_slope_q20 = banded ? (he << 20) / hn : 0;
+  const std::int64_t band_half_q10 = banded ? (radius << 20) / (hn < 0 ? -hn : hn) : 0;
 
+  const std::int64_t n0 = cells_from(origin_n + min_of<std::int64_t>(tip_n, 0) - radius);
+  const std::int64_t n1 = cells_to(origin_n + max_of<std::int64_t>(tip_n, 0) + radius, scale_.size[0]);
   for (std::int64_t n = n0; n <= n1; ++n) {
-    const std::int64_t dn = n * 1024 + 512 - cone.apex_q10[0];
-    std::int64_t low_e = box_e0;
-    std::int64_t high_e = box_e1;
-    if (wedge) {
-      // y = hn de - he dn <= w (hn dn + he de)  ->  lean1 de <= edge1 dn; and the mirror image.
-      const auto limit = [&](std::int64_t lean, std::int64_t edge, bool upper) {
-        if (lean > -(1 << 12) && lean < (1 << 12)) {
-          return;
-        }
-        const std::int64_t bound =
-            cone.apex_q10[1] + static_cast<std::int64_t>(
-                                   (edge >> 12) * dn / (lean >> 12));
-        if ((lean > 0) == upper) {
-          high_e = min_of(high_e, bound + 1);
-        } else {
-          low_e = max_of(low_e, bound - 1);
-        }
-      };
-      limit(lean1_q20, edge1_q20, true);
-      limit(lean2_q20, edge2_q20, false);
+    const std::int64_t dn = n * 1024 + 512 - origin_n;
+    std::int64_t low_e = min_of<std::int64_t>(tip_e, 0) - radius;
+    std::int64_t high_e = max_of<std::int64_t>(tip_e, 0) + radius;
+    if (banded) {
+      const std::int64_t middle = mul_shift(band_slope_q20, dn, 20);
+      low_e = max_of(low_e, middle - band_half_q10);
+      high_e = min_of(high_e, middle + band_half_q10);
     }
-    const std::int64_t e0 = cells_from(low_e, 0);
-    const std::int64_t e1 = cells_to(high_e, scale_.size[1]);
+    const std::int64_t e0 = cells_from(origin_e + low_e);
+    const std::int64_t e1 = cells_to(origin_e + high_e, scale_.size[1]);
     for (std::int64_t e = e0; e <= e1; ++e) {
-      const std::int64_t de = e * 1024 + 512 - cone.apex_q10[1];
+      const std::int64_t de = e * 1024 + 512 - origin_e;
       const std::int64_t x = (hn * dn + he * de) >> 20;  // along the heading, Q10
       const std::int64_t y = (hn * de - he * dn) >> 20;  // across
-      const std::int64_t tx = mul_shift(cone.tan_q20, x, 20);
-      const std::int64_t disc_q20 = tx * tx - mul_shift(a, y * y, 20);
-      if (disc_q20 < 0) {
+      if (y > radius || y < -radius || x < -radius || x > reach) {
         continue;
       }
-      const auto root = static_cast<std::int64_t>(base::sqrt_u64(static_cast<std::uint64_t>(disc_q20)));
-      const std::int64_t b = mul_shift(cone.b_q20, x, 20);
-      // Depths (Q10 from the virtual apex) between which the column is inside the forward nappe.
-      std::int64_t top = mul_shift(b - root, cone.inverse_a_q12, 12);
-      std::int64_t bottom = mul_shift(b + root, cone.inverse_a_q12, 12);
-      constexpr std::int64_t kFar_q10 = 1LL << 26;
-      if (a < 0) {
-        if (s > 0) {
-          bottom = kFar_q10;
-        } else {
-          top = -kFar_q10;
-        }
-      } else if (x < 0) {
-        continue;
-      }
-      const std::int64_t p = mul_shift(c, x, 20);
-      // Slant distance along the axis p + s z between the transducer and the end.
-      if (cone.inverse_down_q12 != 0) {
-        const std::int64_t at_start = mul_shift(cone.start_q10 - p, cone.inverse_down_q12, 12);
-        const std::int64_t at_end = mul_shift(cone.end_q10 - p, cone.inverse_down_q12, 12);
-        top = max_of(top, min_of(at_start, at_end));
-        bottom = min_of(bottom, max_of(at_start, at_end));
-      } else if (p < cone.start_q10 || p > cone.end_q10) {
-        continue;
-      }
+      const ColumnSpan span = cone_span(cone, x, y);
       // Voxel k has its centre at k + 0.5.
-      std::int64_t k0 = (top + cone.apex_q10[2] - 512 + 1023) >> 10;
-      std::int64_t k1 = (bottom + cone.apex_q10[2] - 512) >> 10;
+      std::int64_t k0 = (span.top_q10 + origin_z + 511) >> 10;
+      std::int64_t k1 = (span.bottom_q10 + origin_z - 512) >> 10;
       bool reached = false;
-      if (shell != nullptr && !shell->wall) {
+      if (plane) {
         // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
-        const std::int64_t plane_q16 =
-            shell->plane0_q16 + n * shell->depth_dn_q16 + e * shell->depth_de_q16;
-        const std::int64_t last = (plane_q16 - kernel_reach_q16(shell->level) - 0x8000) >> 16;
+        const std::int64_t plane_q16 = shell->plane0_q16 + n * shell->depth_dn_q16 + e * shell->depth_de_q16;
+        const std::int64_t last = (plane_q16 - clearance_q16) >> 16;
         reached = k1 > last && (plane_q16 >> 16) < depth_cells;
         k1 = min_of(k1, last);
       }
@@ -352,43 +320,45 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       if (k0 > k1) {
         continue;
       }
-      const std::uint32_t column = grid_.column_index(static_cast<std::int32_t>(n), static_cast<std::int32_t>(e));
+      const std::uint32_t column =
+          grid_.column_index(static_cast<std::int32_t>(n), static_cast<std::int32_t>(e));
       if (reached) {
         grid_.column(column).flags |= kColumnInsonified;
       }
       Voxel* const voxels = grid_.column_voxels(column);
-      const std::uint32_t dither = seed + column * 0x85EBCA6BU;
-      for (std::int64_t k = k0; k <= k1; k += 8) {
-        const std::int64_t count = min_of<std::int64_t>(8, k1 - k + 1);
+      const std::uint32_t dither = seed + column * kColumnDither;
+      for (std::int64_t k = k0; k <= k1; k += kRun) {
+        const std::int64_t count = min_of<std::int64_t>(kRun, k1 - k + 1);
         if (voxels_this_ping_ + count > budget) {
           ++counters_.cones_cut;
           return;
         }
         // Off-axis position and distance of the run's middle.
-        const std::int64_t z = k * 1024 + count * 512 - cone.apex_q10[2];
-        const std::int64_t slant = max_of<std::int64_t>(p + mul_shift(s, z, 20), 1);
-        const std::int64_t from_head = max_of<std::int64_t>(0, slant - cone.start_q10);
+        const std::int64_t z = k * 1024 + count * 512 - origin_z;
+        const std::int64_t slant = max_of<std::int64_t>(
+            0, (cone.horizontal_q30 * x + cone.down_q30 * z) >> 30);
         std::uint32_t beam_q15 = 0;
-        if (table_.two_axis == 0) {
-          const std::int64_t off = mul_shift(s, x, 20) - mul_shift(c, z, 20);
-          beam_q15 = table_.beam_weight_q15[0][beam_entry(off * off + y * y, mul_shift(cone.tan_q20, slant, 20))];
+        if (!two_axis) {
+          const std::int64_t off = (cone.down_q30 * x - cone.horizontal_q30 * z) >> 30;
+          const std::int64_t half_width = kTouch_q10 + mul_shift(cone.growth_q20, slant, 20);
+          beam_q15 = table_.beam_weight_q15[0][beam_entry(off * off + y * y, half_width)];
         } else {
-          const std::int64_t offset_along = (frame.along.q30[0] * dn + frame.along.q30[1] * de +
-                                             frame.along.q30[2] * z) >> 30;
-          const std::int64_t offset_across = (frame.across.q30[0] * dn + frame.across.q30[1] * de +
-                                              frame.across.q30[2] * z) >> 30;
-          const std::uint32_t entry_a = beam_entry(
-              offset_along * offset_along, kTouch_q10 + mul_shift(scale_.tan_along_q20, from_head, 20));
-          const std::uint32_t entry_b = beam_entry(
-              offset_across * offset_across, kTouch_q10 + mul_shift(scale_.tan_across_q20, from_head, 20));
+          const std::int64_t along =
+              (frame.along.q30[0] * dn + frame.along.q30[1] * de + frame.along.q30[2] * z) >> 30;
+          const std::int64_t across =
+              (frame.across.q30[0] * dn + frame.across.q30[1] * de + frame.across.q30[2] * z) >> 30;
+          const std::uint32_t entry_a =
+              beam_entry(along * along, kTouch_q10 + mul_shift(grow_along_q20, slant, 20));
+          const std::uint32_t entry_b =
+              beam_entry(across * across, kTouch_q10 + mul_shift(grow_across_q20, slant, 20));
           if (entry_a >= kBeamWeightSteps || entry_b >= kBeamWeightSteps) {
             continue;
           }
           beam_q15 = (static_cast<std::uint32_t>(table_.beam_weight_q15[0][entry_a]) *
                       table_.beam_weight_q15[1][entry_b]) >> 15U;
         }
-        const auto distance = static_cast<std::uint32_t>(min_of<std::int64_t>(
-            mul_shift(from_head, scale_.confidence_scale_q22, 22), 64));
+        const auto distance = static_cast<std::uint32_t>(
+            min_of<std::int64_t>(mul_shift(slant, scale_.confidence_scale_q22, 22), 64));
         const std::uint32_t strength_q7 = (weight_q7 * beam_q15) >> 15U;
         Evidence evidence{};
         if (config_.rule == Rule::kLogOdds) {

@@ -10,8 +10,8 @@ std::uint32_t cone_volume(const Scale& scale, std::int32_t range_q10) {
   }
   // pi * integral of (touch + ta r) (touch + tb r) dr, in cells Q10.
   const std::int64_t range = range_q10;
-  const std::int64_t grow_a = base::mul_shift(range, scale.tan_along_q20, 20);
-  const std::int64_t grow_b = base::mul_shift(range, scale.tan_across_q20, 20);
+  const std::int64_t grow_a = base::mul_shift(range, cone_growth_q20(scale.tan_along_q20, range_q10), 20);
+  const std::int64_t grow_b = base::mul_shift(range, cone_growth_q20(scale.tan_across_q20, range_q10), 20);
   const std::int64_t touch = kTouch_q10;
   const std::int64_t mean_section_q20 =
       touch * touch + touch * (grow_a + grow_b) / 2 + grow_a * grow_b / 3;

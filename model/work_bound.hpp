@@ -16,7 +16,7 @@ struct WorkBound {
 
 /// Bound of `scale` (footprint half-width F, cone, grid). The shell's box has at most 2 F columns a
 /// side by construction; the cone writes at most the volume of the thickened cone
-/// pi * integral over r of (kTouch + tan_along r) (kTouch + tan_across r), a budget that the integrator enforces (a lattice can
+/// pi * integral over r of (kTouch + growth_along r) (kTouch + growth_across r), a budget that the integrator enforces (a lattice can
 /// hold a few more centres than the volume; those are left out and counted). W is the larger of
 /// shell(l) + cone(R - reach(l)) over the kernel levels l: a wide kernel ends the cone earlier.
 [[nodiscard]] WorkBound work_bound(const Scale& scale);

@@ -38,8 +38,9 @@ mkdir -p "$out"
 leadline="$root/build/release/host_tools/leadline"
 
 fuzz_all() {
-  local targets=("$root"/tests/fuzz/fuzz_*.cpp)
-  local each=$((minutes * 20 / ${#targets[@]}))
+  local count
+  count=$(stems "$root/tests/fuzz" 'fuzz_*.cpp' | wc -l)
+  local each=$((minutes * 20 / (count > 0 ? count : 1)))
   "$root/toolchain/fuzz.sh" --seconds $((each > 0 ? each : 1))
 }
 
@@ -83,6 +84,7 @@ step "build release" configure_and_build release || { step_summary; exit 1; }
 step "tests labelled full" run_ctest release -L '^full$' || true
 step "fuzzing, $minutes/3 min" fuzz_all || true
 step "mapping, $minutes/3 min" map_again_and_again || true
-grep -h '^stat::number_of_executed_units' "$root"/out/fuzz/*/log 2>/dev/null |
-  awk '{n += $2} END {if (NR) print "fuzzing: " NR " targets, " n " inputs"}' || true
+for target in $(stems "$root/tests/fuzz" 'fuzz_*.cpp'); do
+  grep -h '^stat::number_of_executed_units' "$root/out/fuzz/$target/log" 2>/dev/null || true
+done | awk '{n += $2} END {print "fuzzing: " NR " targets, " n " inputs"}'
 step_summary

@@ -245,6 +245,7 @@ BeamPattern::BeamPattern(const BeamDescription& beam) : beam_(beam) {
       require_within("beam_half_angle_deg", beam.half_angle_deg, kMinEnvelope_deg, 90.0,
                      "0.01 .. 90");
       cos_cone_ = exact::cos(beam.half_angle_deg * kRadPerDeg);
+      sin_cone_ = exact::sin(beam.half_angle_deg * kRadPerDeg);
       break;
     case model::BeamKind::kPiston:
       require_within("piston_diameter_mm", beam.piston_diameter_mm, 1.0, 1e4, "1 .. 10,000");
@@ -327,9 +328,10 @@ double BeamPattern::axis_two_way(std::size_t axis, double direction_cosine) cons
   const double sine = std::fabs(direction_cosine);
   switch (beam_.kind) {
     case model::BeamKind::kCone: {
-      const double rest = (1.0 - sine) * (1.0 + sine);
-      const double cosine = rest > 0.0 ? std::sqrt(rest) : 0.0;
-      return std::max(0.0, (cosine - cos_cone_) / (1.0 - cos_cone_));
+      // (cos t - cos T) / (1 - cos T), both differences from sines: narrow cones keep their digits.
+      const double cosine = std::sqrt(std::max(0.0, (1.0 - sine) * (1.0 + sine)));
+      const double falling = (sin_cone_ - sine) * (sin_cone_ + sine) / (cosine + cos_cone_);
+      return std::max(0.0, falling * (1.0 + cos_cone_) / square(sin_cone_));
     }
     case model::BeamKind::kPiston:
       return piston_two_way(wave_factor_[0] * sine);
@@ -428,29 +430,34 @@ double BeamPattern::radial_energy(double to_rad) const {
 }
 
 double BeamPattern::rectangle_energy(bool inside) const {
-  // Directions as (across cosine v, angle a in the plane through the along axis): the along cosine is
-  // sqrt(1 - v^2) sin a, and dv da is solid angle exactly (Archimedes).
-  const double across_rad = inside ? envelope_rad_[1] : 0.5 * exact::kPi;
-  const double v_end =
-      wave_factor_[1] > kRectangleReach && !inside
-          ? std::max(kRectangleReach / wave_factor_[1], exact::sin(envelope_rad_[1]))
-          : exact::sin(across_rad);
-  const double a_end_all =
-      wave_factor_[0] > kRectangleReach
-          ? std::max(exact::asin(kRectangleReach / wave_factor_[0]), envelope_rad_[0])
-          : 0.5 * exact::kPi;
-  const double a_end = inside ? envelope_rad_[0] : a_end_all;
-  const std::vector<exact::Node> across = exact::gauss_nodes(0.0, v_end, inside ? 8 : 40);
-  const std::vector<exact::Node> along = exact::gauss_nodes(0.0, a_end, inside ? 8 : 40);
+  // Directions as (across cosine v, angle a in the plane through the along axis): the along cosine
+  // is sqrt(1 - v^2) sin a, and dv da is solid angle exactly (Archimedes).
+  const auto end_rad = [&](std::size_t axis) {
+    if (inside) {
+      return envelope_rad_[axis];
+    }
+    return wave_factor_[axis] > kRectangleReach
+               ? std::max(exact::asin(kRectangleReach / wave_factor_[axis]), envelope_rad_[axis])
+               : 0.5 * exact::kPi;
+  };
+  const double tan_across = exact::tan(envelope_rad_[1]);
+  const std::size_t panels = inside ? 12 : 40;
   double sum = 0.0;
-  for (const exact::Node& v : across) {
-    const double factor = v.weight * axis_two_way(1, v.x);
-    const double r = std::sqrt((1.0 - v.x) * (1.0 + v.x));
+  // v = v_end sin(psi): the outline may be steep where v ends.
+  const double v_end = exact::sin(end_rad(1));
+  for (const exact::Node& psi : exact::gauss_nodes(0.0, 0.5 * exact::kPi, panels)) {
+    const exact::SinCos turn = exact::sin_cos(psi.x);
+    const double v = v_end * turn.sin;
+    const double r = std::sqrt((1.0 - v) * (1.0 + v));
+    double a_end = end_rad(0);
+    if (inside) {
+      a_end = std::min(a_end, exact::acos(v / (r * tan_across)));
+    }
     double line = 0.0;
-    for (const exact::Node& a : along) {
+    for (const exact::Node& a : exact::gauss_nodes(0.0, a_end, panels)) {
       line += a.weight * axis_two_way(0, r * exact::sin(a.x));
     }
-    sum += factor * line;
+    sum += psi.weight * v_end * turn.cos * axis_two_way(1, v) * line;
   }
   return sum;
 }

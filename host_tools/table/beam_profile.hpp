@@ -1,6 +1,7 @@
-// Lateral weight of an event: the beam's two-way pattern, blurred by the Gaussian errors of pointing and
-// position. Both are densities over the plane of tan(off-axis angle), scaled to a total variance of one
-// per axis, so that one curve serves every range; what remains is the share of the beam in the variance.
+// Lateral weight of an event: the beam's two-way pattern, blurred by the Gaussian errors of
+// pointing and position. Both are densities over the plane of tan(off-axis angle), scaled to a
+// total variance of one per axis, so that one curve serves every range; what remains is the share
+// of the beam in the variance.
 //
 // Same numbers on every host: see table_math.hpp.
 #pragma once
@@ -12,12 +13,12 @@
 
 namespace leadline::host {
 
-/// The curve for one axis of a beam. Axisymmetric beams: radial, by a two-dimensional convolution; two
-/// axes: along that axis, by a one-dimensional convolution of the axis's own factor.
+/// The curve for one axis of a beam. Axisymmetric beams: radial, by a two-dimensional convolution;
+/// two axes: along that axis, by a one-dimensional convolution of the axis's own factor.
 class BeamProfile {
  public:
-  /// `beam_share`: beam variance / total variance, 0 (Gaussian alone) to 1 (beam alone). `pattern` must
-  /// outlive this object.
+  /// `beam_share`: beam variance / total variance, 0 (Gaussian alone) to 1 (beam alone). `pattern`
+  /// must outlive this object.
   BeamProfile(const BeamPattern& pattern, std::size_t axis, double beam_share);
 
   /// Weight at `m` standard deviations of the whole, m >= 0; 1 at 0. About 10 us.

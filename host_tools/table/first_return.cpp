@@ -21,6 +21,7 @@ FirstReturn::FirstReturn(const BeamPattern& pattern, std::size_t axis, double de
   const double sin_in_plane = exact::sin(in_plane_rad);
   const double cos_in_plane = exact::cos(in_plane_rad);
   const double v_end = exact::sin(pattern.envelope_rad(other));
+  const double tan_other = exact::tan(pattern.envelope_rad(other));
   for (std::vector<double>& values : sum_) {
     values.assign(kRows * (kSteps + 1), 0.0);
   }
@@ -36,12 +37,13 @@ FirstReturn::FirstReturn(const BeamPattern& pattern, std::size_t axis, double de
     const exact::SinCos turn = exact::sin_cos(psi);
     const double v = v_end * turn.sin;
     const double r = std::sqrt((1.0 - v) * (1.0 + v));
-    double reach = in_plane_rad;
-    if (!pattern.two_axis()) {
-      // cos(reach) = cos(T) / r; the difference of squares keeps the digits of narrow beams.
-      reach = exact::atan2(std::sqrt(std::max(0.0, (sin_in_plane - v) * (sin_in_plane + v))),
+    // Axisymmetric: cos(reach) = cos(T) / r; the difference of squares keeps the digits of narrow
+    // beams. Two axes: the tangent across the plane, v / (r cos a), ends at the envelope's.
+    const double reach =
+        pattern.two_axis()
+            ? std::min(in_plane_rad, exact::acos(v / (r * tan_other)))
+            : exact::atan2(std::sqrt(std::max(0.0, (sin_in_plane - v) * (sin_in_plane + v))),
                            cos_in_plane);
-    }
     const double step = reach / static_cast<double>(kSteps);
     rows_.push_back({r, reach, v_end * turn.cos, 1.0 / step});
 
@@ -84,8 +86,9 @@ FirstReturn::FirstReturn(const BeamPattern& pattern, std::size_t axis, double de
   }
   reach_rad_ = in_plane_rad;
   if (pattern.two_axis()) {
-    // The corner: cos = sqrt(1 - v^2) cos(a).
-    reach_rad_ = exact::acos(std::sqrt((1.0 - v_end) * (1.0 + v_end)) * cos_in_plane);
+    // The corner of the rectangle of tangents.
+    const double x = sin_in_plane / cos_in_plane;
+    reach_rad_ = exact::atan2(std::sqrt(x * x + tan_other * tan_other), 1.0);
   }
 
   // cap(i) bends on the scale of the beam near normal incidence and is nearly straight farther out.
@@ -101,7 +104,8 @@ FirstReturn::FirstReturn(const BeamPattern& pattern, std::size_t axis, double de
   }
 }
 
-// Integral of a moment over 0 .. |a| of one row, a within the row's reach; cubic Hermite between steps.
+// Integral of a moment over 0 .. |a| of one row, a within the row's reach; cubic Hermite between
+// steps.
 double FirstReturn::cumulative(std::size_t moment, std::size_t row, double a) const {
   const double position = std::fabs(a) * rows_[row].inverse_step;
   const std::size_t cell = std::min(static_cast<std::size_t>(position), kSteps - 1);
@@ -124,7 +128,8 @@ double FirstReturn::interval(std::size_t moment, double incidence_rad, double ca
       continue;
     }
     const double half_rad = exact::acos(cos_cap / line.r);
-    // The integral from 0 to a: odd in a for even integrands, even for the radial one, which is odd.
+    // The integral from 0 to a: odd in a for even integrands, even for the radial one, which is
+    // odd.
     const auto integral_to = [&](double a) {
       const double clipped = std::clamp(a, -line.reach, line.reach);
       const double value = cumulative(moment, row, clipped);

@@ -1,13 +1,14 @@
 // Where on a sloping bottom a sonar measures its range: geometry of the first return on a plane.
 //
 // A plane at perpendicular distance d whose normal is inclined by i to the beam axis: a ray whose
-// direction makes the angle n with the normal meets it at range d / cos n. The echo therefore arrives
-// in the order of n, and "the fraction f of the echo has arrived" means that a cap of directions about
-// the normal, of half-angle n0(i), holds the fraction f of the beam's two-way energy. The cap is
-// integrated in the coordinates v (direction cosine across the plane of incidence) and a (angle in that
-// plane), in which solid angle is dv da exactly: for a given v it is the interval |a - i| <= acos(cos n /
-// sqrt(1 - v^2)), and the energy in it is a difference of two cumulative sums. That gives n0 to
-// 5e-4 of the beam's half-angle where the plane faces the beam, to 1e-5 on slopes.
+// direction makes the angle n with the normal meets it at range d / cos n. The echo therefore
+// arrives in the order of n, and "the fraction f of the echo has arrived" means that a cap of
+// directions about the normal, of half-angle n0(i), holds the fraction f of the beam's two-way
+// energy. The cap is integrated in the coordinates v (direction cosine across the plane of
+// incidence) and a (angle in that plane), in which solid angle is dv da exactly: for a given v it
+// is the interval |a - i| <= acos(cos n / sqrt(1 - v^2)), and the energy in it is a difference of
+// two cumulative sums. That gives n0 to 5e-4 of the beam's half-angle where the plane faces the
+// beam, to 1e-5 on slopes.
 //
 // Same numbers on every host: see table_math.hpp.
 #pragma once
@@ -29,18 +30,18 @@ class FirstReturn {
   /// `axis`: plane of incidence, 0 along, 1 across. 10 to 40 ms.
   FirstReturn(const BeamPattern& pattern, std::size_t axis, double detection_fraction);
 
-  /// Half-angle of the cap about the plane's normal that holds the detection fraction, solved at this
-  /// incidence (rad, 0 .. pi). About 0.1 ms.
+  /// Half-angle of the cap about the plane's normal that holds the detection fraction, solved at
+  /// this incidence (rad, 0 .. pi). About 0.1 ms.
   [[nodiscard]] double solve_cap_rad(double incidence_rad) const;
-  /// The same, interpolated from nodes (error below 5e-4 of the half-angle); 0 <= incidence_rad, beyond
-  /// the last node that node's value. About 0.1 us.
+  /// The same, interpolated from nodes (error below 5e-4 of the half-angle); 0 <= incidence_rad,
+  /// beyond the last node that node's value. About 0.1 us.
   [[nodiscard]] double cap_rad(double incidence_rad) const;
 
   /// Share of the beam's energy within the cap, 0 .. 1.
   [[nodiscard]] double arrived_fraction(double incidence_rad, double cap_rad) const;
 
-  /// What has echoed when the cap has grown to `cap_rad`, in tan units about the beam axis: means and
-  /// variances in the plane of incidence and across it.
+  /// What has echoed when the cap has grown to `cap_rad`, in tan units about the beam axis: means
+  /// and variances in the plane of incidence and across it.
   struct Patch {
     double mean_radial;
     double variance_radial;
@@ -78,16 +79,17 @@ class FirstReturn {
   std::vector<double> node_cap_rad_;
 };
 
-/// First return averaged over the pointing error (isotropic, Gaussian, sigma per axis about the nominal
-/// axis) for one beam; both planes of incidence.
+/// First return averaged over the pointing error (isotropic, Gaussian, sigma per axis about the
+/// nominal axis) for one beam; both planes of incidence.
 class AveragedFirstReturn {
  public:
   AveragedFirstReturn(const BeamPattern& pattern, double detection_fraction,
                       double sigma_pointing_rad);
 
-  /// q(i) = 1 / E[1 / q0], q0 = cos of the cap, at least kMinReturnCosine: perpendicular distance of
-  /// the plane over the range that is measured on average. Pointing error turns the plane of incidence
-  /// as well; between the axes 1 / q0 goes with the squared cosine of the azimuth. About 30 us.
+  /// q(i) = 1 / E[1 / q0], q0 = cos of the cap, at least kMinReturnCosine: perpendicular distance
+  /// of the plane over the range that is measured on average. Pointing error turns the plane of
+  /// incidence as well; between the axes 1 / q0 goes with the squared cosine of the azimuth. About
+  /// 30 us.
   [[nodiscard]] double q(std::size_t axis, double incidence_rad) const;
 
   [[nodiscard]] const FirstReturn& geometry(std::size_t axis) const {

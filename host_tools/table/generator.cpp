@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <limits>
 #include <stdexcept>
 #include <type_traits>
@@ -23,8 +24,8 @@ constexpr double kQ15Peak = 32767.0;
 // Half-step of the slope's central difference.
 constexpr double kSlopeStep_rad = 0.02;
 
-/// `value` * 2^fraction_bits, rounded; the description's limits keep it inside, so that clipping would be
-/// a defect of the generator.
+/// `value` * 2^fraction_bits, rounded; the description's limits keep it inside, so that clipping
+/// would be a defect of the generator.
 template <typename T>
 T to_fixed(double value, int fraction_bits) {
   const double scaled =
@@ -60,7 +61,7 @@ Incidence incidence_at(double position) {
 }
 
 void fill_first_return(const AveragedFirstReturn& first, std::size_t axis, double* worst_error,
-                       LocalizationTable* table) {
+                       double* worst_to_75deg, LocalizationTable* table) {
   FirstReturnEntry* const entries = table->first_return[axis];
   const FirstReturn& geometry = first.geometry(axis);
   for (int k = 0; k <= model::kIncidenceSteps; ++k) {
@@ -88,7 +89,11 @@ void fill_first_return(const AveragedFirstReturn& first, std::size_t axis, doubl
     for (const double f : {0.0, 0.25, 0.5, 0.75, 1.0}) {
       const Incidence at = incidence_at(k + f);
       const double truth = excess_of(first.q(axis, at.angle_rad), at.cosine) * 0x1.0p30;
-      *worst_error = std::max(*worst_error, std::fabs(left + f * (right - left) - truth));
+      const double error = std::fabs(left + f * (right - left) - truth);
+      *worst_error = std::max(*worst_error, error);
+      if (at.angle_rad <= 75.0 * exact::kRadPerDeg) {
+        *worst_to_75deg = std::max(*worst_to_75deg, error);
+      }
     }
   }
 }
@@ -181,6 +186,7 @@ GeneratedTable generate_table(const BeamDescription& beam) {
 
   const AveragedFirstReturn first(pattern, beam.detection_fraction, sigma_pointing_rad);
   double excess_error = 0.0;
+  double excess_error_to_75deg = 0.0;
   double profile_error = 0.0;
   double kernel_error = 0.0;
   double kernel_moment = 0.0;
@@ -194,7 +200,7 @@ GeneratedTable generate_table(const BeamDescription& beam) {
                 std::begin(table.beam_weight_q15[1]));
       break;
     }
-    fill_first_return(first, axis, &excess_error, &table);
+    fill_first_return(first, axis, &excess_error, &excess_error_to_75deg, &table);
     fill_profile(pattern, axis, &profile_error, &table);
     fill_beam_weight(pattern, axis, &table);
   }
@@ -216,13 +222,19 @@ GeneratedTable generate_table(const BeamDescription& beam) {
   }
   facts.discarded_fraction = pattern.discarded_fraction();
   facts.worst_excess_error = excess_error * 0x1.0p-30;
+  facts.worst_excess_error_to_75deg = excess_error_to_75deg * 0x1.0p-30;
   facts.worst_profile_error = profile_error / kQ15Peak;
   facts.worst_kernel_error = kernel_error / model::kKernelSum;
   facts.worst_kernel_moment_cells = kernel_moment;
-  generated.report = "Cut along: " + std::string(beam_cut_text(pattern.cut(0))) +
-                     (pattern.two_axis() ? "; across: " + std::string(beam_cut_text(pattern.cut(1)))
-                                         : std::string()) +
-                     "\n" + table_to_text(table);
+  char first_return_line[96];
+  std::snprintf(first_return_line, sizeof(first_return_line),
+                "\nFirst return up to 75 degrees of incidence: worst error %.2e of the range",
+                facts.worst_excess_error_to_75deg);
+  generated.report = std::string("Cut: ") + beam_cut_text(pattern.cut(0));
+  if (pattern.two_axis()) {
+    generated.report += std::string(" along, ") + beam_cut_text(pattern.cut(1)) + " across";
+  }
+  generated.report += "\n" + table_to_text(table) + first_return_line;
   return generated;
 }
 

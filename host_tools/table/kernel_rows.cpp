@@ -54,8 +54,8 @@ KernelTaps kernel_taps(double variance, double phase) {
     row.first = std::min(row.first, tap);
     row.count = tap - row.first + 1;
   }
-  // The first moment of plain * e^(tilt x) rises with the tilt and has a zero, because there are taps on
-  // both sides of the shell: Newton's iteration.
+  // The first moment of plain * e^(tilt x) rises with the tilt and has a zero, because there are
+  // taps on both sides of the shell: Newton's iteration.
   double tilt = 0.0;
   for (int iteration = 0; iteration < 30; ++iteration) {
     double moment = 0.0;
@@ -101,8 +101,8 @@ KernelRow kernel_row(std::size_t level, std::size_t phase_index) {
     }
     tap[best] += 1;
   }
-  // Moving one unit to the next tap changes the first moment by one unit times one cell. Offsets are odd
-  // multiples of 1/32 cell, so that the moment is an integer in those.
+  // Moving one unit to the next tap changes the first moment by one unit times one cell. Offsets
+  // are odd multiples of 1/32 cell, so that the moment is an integer in those.
   const auto moment_32 = [&] {
     std::int64_t sum = 0;
     for (std::size_t at = 0; at < kTaps; ++at) {

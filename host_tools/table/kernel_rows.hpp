@@ -1,4 +1,5 @@
-// Range blur along a column: the Gaussian taps that the table stores, as real numbers and as integers.
+// Range blur along a column: the Gaussian taps that the table stores, as real numbers and as
+// integers.
 #pragma once
 
 #include <array>
@@ -21,9 +22,9 @@ struct KernelTaps {
 /// Half-width of the cut for a variance, cells: max(1.5, min(2 sigma, 7)).
 [[nodiscard]] double kernel_cut(double variance);
 
-/// Gaussian of `variance` cells^2 sampled at the voxel centres within the cut, tilted (times e^(k x)) so
-/// that its first moment about the shell is zero, sum 1. `phase`: where in its voxel the shell lies, 0
-/// to 1.
+/// Gaussian of `variance` cells^2 sampled at the voxel centres within the cut, tilted (times e^(k
+/// x)) so that its first moment about the shell is zero, sum 1. `phase`: where in its voxel the
+/// shell lies, 0 to 1.
 [[nodiscard]] KernelTaps kernel_taps(double variance, double phase);
 
 struct KernelRow {
@@ -34,11 +35,13 @@ struct KernelRow {
 };
 
 /// Row [level][phase] of the table: kernel_taps at phase (p + 0.5) / 16 in integers that sum to
-/// kKernelSum, rounded so that the first moment stays below half a unit of the last place.
+/// kKernelSum, with units moved between neighbours until the first moment is as small as it gets: a
+/// unit moved changes it by a whole cell-unit, and it is a whole number of those, so that it is
+/// zero.
 [[nodiscard]] KernelRow kernel_row(std::size_t level, std::size_t phase_index);
 
-/// Largest difference of a tap, in units of 1 / kKernelSum, between the row that the vehicle takes and
-/// kernel_taps at the true phase, over all phases that take this row: what 16 phases cost.
+/// Largest difference of a tap, in units of 1 / kKernelSum, between the row that the vehicle takes
+/// and kernel_taps at the true phase, over all phases that take this row: what 16 phases cost.
 [[nodiscard]] double kernel_row_error(std::size_t level, std::size_t phase_index,
                                       const KernelRow& row);
 

@@ -12,9 +12,9 @@ struct TableOptions {
   bool json = false;        ///< one JSON object on standard output instead of text
 };
 
-/// The command; returns 0. Throws HostError: kUsage (neither or both of config and show, out with show;
-/// configuration, pattern file), kInput (the block to show is damaged, truncated, of another version),
-/// kOutput.
+/// The command; returns 0. Throws HostError: kUsage (neither or both of config and show, out with
+/// show; configuration, pattern file), kInput (the block to show is damaged, truncated, of another
+/// version), kOutput.
 int run_table(const TableOptions& options);
 
 }  // namespace leadline::host

@@ -8,10 +8,11 @@
 
 namespace leadline::host {
 
-/// What a table says about itself: beam, envelope, widths, discarded energy, worst errors. Several lines,
-/// the last without a newline. The table must have passed check_table.
+/// What a table says about itself: beam, envelope, widths, discarded energy, worst errors. Several
+/// lines, the last without a newline. The table must have passed check_table.
 [[nodiscard]] std::string table_to_text(const model::LocalizationTable& table);
-/// The same as one JSON object on one line; angles in degrees, `table_crc` as "0x" and eight digits.
+/// The same as one JSON object on one line; angles in degrees, `table_crc` as "0x" and eight
+/// digits.
 [[nodiscard]] std::string table_to_json(const model::LocalizationTable& table);
 
 /// Writes the block, whole or not at all. Throws HostError kOutput.

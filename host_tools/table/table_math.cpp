@@ -90,8 +90,8 @@ double bessel_ie(int order, double x) {
 }
 
 // I0e and I1e are needed some hundred thousand times per table: sampled once over z = x / (x + 4),
-// multiplied by std::sqrt(1 + x), where they are smooth up to z = 1 (x infinite), and interpolated with four
-// points (error 3e-13).
+// multiplied by std::sqrt(1 + x), where they are smooth up to z = 1 (x infinite), and interpolated
+// with four points (error 3e-13).
 class ScaledBesselTable {
  public:
   explicit ScaledBesselTable(int order) {

@@ -1,5 +1,5 @@
-// Special functions of the table generator, the same bits on every host: + - * / and sqrt only, fixed
-// iteration orders, on top of host_tools/sim/exact_math.hpp. Compile with -ffp-contract=off.
+// Special functions of the table generator, the same bits on every host: + - * / and sqrt only,
+// fixed iteration orders, on top of host_tools/sim/exact_math.hpp. Compile with -ffp-contract=off.
 #pragma once
 
 #include <cstddef>
@@ -20,8 +20,8 @@ inline constexpr double kJ1SecondZero = 7.015586669815619;
 [[nodiscard]] double bessel_i0e(double x);
 [[nodiscard]] double bessel_i1e(double x);
 
-/// arccos of `x`, arguments outside [-1, 1] (rounding) count as the nearer end; error below 1e-14 plus
-/// that of the argument.
+/// arccos of `x`, arguments outside [-1, 1] (rounding) count as the nearer end; error below 1e-14
+/// plus that of the argument.
 [[nodiscard]] double acos(double x);
 /// Arc sine likewise.
 [[nodiscard]] double asin(double x);

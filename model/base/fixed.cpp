@@ -55,7 +55,8 @@ std::uint32_t sqrt_u32(std::uint32_t value) {
   const int shift = leading_zeros(value) & ~1;  // even, so that the root shifts by half of it
   const std::uint32_t x = value << static_cast<unsigned>(shift);
   std::uint32_t root = kSqrtTable[x >> 24U];
-  root = (root + x / root) >> 1U;
+  // The step rounds the largest arguments up to 2^16: kept to 16 bits, so that sqrt_u64 can shift it.
+  root = min_of<std::uint32_t>((root + x / root) >> 1U, 0xFFFFU);
   return root >> static_cast<unsigned>(shift / 2);
 }
 

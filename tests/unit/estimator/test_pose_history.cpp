@@ -1,8 +1,7 @@
-#include "estimator/pose_history.hpp"
-
 #include <cmath>
 #include <vector>
 
+#include "estimator/pose_history.hpp"
 #include "tests/support/test.hpp"
 
 namespace {

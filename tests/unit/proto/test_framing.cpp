@@ -1,8 +1,7 @@
-#include "proto/framing.hpp"
-
 #include <vector>
 
 #include "model/base/crc32c.hpp"
+#include "proto/framing.hpp"
 #include "tests/support/test.hpp"
 
 namespace {

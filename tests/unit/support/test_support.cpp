@@ -1,6 +1,4 @@
 // The harness itself: a failing, a throwing and a skipped test must be reported as such.
-#include "tests/support/test.hpp"
-
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -10,6 +8,8 @@
 
 #include <sys/wait.h>
 #include <unistd.h>
+
+#include "tests/support/test.hpp"
 
 namespace {
 

@@ -1,0 +1,279 @@
+// The inner loops: vector form against scalar form, both against wide arithmetic, exhaustively.
+#include "model/column_kernels.hpp"
+
+#include <cstring>
+#include <vector>
+
+#include "model/base/fixed.hpp"
+#include "model/column_depth.hpp"
+#include "tests/support/test.hpp"
+
+namespace {
+
+using namespace leadline::model;  // NOLINT: a test of this namespace
+using leadline::test::Random;
+
+constexpr std::uint32_t kFull = 65535;
+constexpr std::size_t kSlack = 16;  // what a vector form may read and rewrite unchanged
+
+/// One half of a voxel by the header's text, in arithmetic that cannot overflow.
+std::uint16_t wide_sum(std::uint32_t value, std::uint64_t weight_q7, std::uint64_t tap_q15,
+                       std::uint64_t dither) {
+  const std::uint64_t sum = value + ((weight_q7 * tap_q15 + dither) >> 22U);
+  return static_cast<std::uint16_t>(sum > kFull ? kFull : sum);
+}
+
+/// Values that matter more than others: ends, and what surrounds saturation.
+std::uint16_t random_half(Random& random) {
+  switch (random.between(0, 5)) {
+    case 0:
+      return 0;
+    case 1:
+      return kFull;
+    case 2:
+      return static_cast<std::uint16_t>(kFull - static_cast<std::uint32_t>(random.between(0, 300)));
+    default:
+      return static_cast<std::uint16_t>(random.next());
+  }
+}
+
+Evidence random_evidence(Random& random) {
+  const auto half = [&random]() -> std::uint32_t {
+    switch (random.between(0, 4)) {
+      case 0:
+        return 0;
+      case 1:
+        return static_cast<std::uint32_t>(random.between(1, 128));
+      case 2:
+        return 32767;
+      default:
+        return static_cast<std::uint32_t>(random.between(0, 32767));
+    }
+  };
+  return Evidence{half(), half()};
+}
+
+bool same(const std::vector<Voxel>& a, const std::vector<Voxel>& b) {
+  return std::memcmp(a.data(), b.data(), a.size() * sizeof(Voxel)) == 0;
+}
+
+TEST(vector_form_equals_scalar_form_and_touches_nothing_else) {
+  Random random(1);
+  constexpr std::size_t kColumn = 64;
+  std::vector<std::int16_t> taps(64 + kSlack);
+  for (std::int32_t count = 0; count <= 40; ++count) {
+    for (std::size_t offset = 0; offset < 24; ++offset) {
+      for (int repeat = 0; repeat < 6; ++repeat) {
+        std::vector<Voxel> before(kColumn + kSlack);
+        for (Voxel& voxel : before) {
+          voxel = Voxel{random_half(random), random_half(random)};
+        }
+        for (std::int16_t& tap : taps) {
+          tap = static_cast<std::int16_t>(random.between(0, 32767));
+        }
+        const Evidence evidence = random_evidence(random);
+        const auto first = static_cast<std::uint32_t>(random.between(0, 1023));
+        const auto dither = static_cast<std::uint32_t>(random.next());
+
+        std::vector<Voxel> vector = before;
+        std::vector<Voxel> scalar = before;
+        add_shell(vector.data() + offset, taps.data(), count, first, evidence, dither);
+        add_shell_scalar(scalar.data() + offset, taps.data(), count, first, evidence, dither);
+        assert_true(same(vector, scalar));
+        for (std::size_t i = 0; i < before.size(); ++i) {
+          if (i < offset || i >= offset + static_cast<std::size_t>(count)) {
+            assert_int_equal(scalar[i].hit, before[i].hit);
+            assert_int_equal(scalar[i].miss, before[i].miss);
+          }
+        }
+
+        vector = before;
+        scalar = before;
+        add_uniform(vector.data() + offset, count, first, evidence, dither);
+        add_uniform_scalar(scalar.data() + offset, count, first, evidence, dither);
+        assert_true(same(vector, scalar));
+        for (std::size_t i = 0; i < before.size(); ++i) {
+          if (i < offset || i >= offset + static_cast<std::size_t>(count)) {
+            assert_int_equal(scalar[i].hit, before[i].hit);
+            assert_int_equal(scalar[i].miss, before[i].miss);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(every_voxel_value_saturates_as_wide_arithmetic_does) {
+  constexpr std::uint32_t kWeights[] = {0,    1,    2,    3,     63,    64,    127,   128,  129,
+                                        255,  256,  1000, 4095,  4096,  8191,  16383, 16384, 32639,
+                                        32640, 32641, 32766, 32767};
+  constexpr std::size_t kValues = 65536;
+  std::vector<Voxel> before(kValues + kSlack);
+  for (std::size_t i = 0; i < kValues; ++i) {
+    before[i] = Voxel{static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(kFull - i)};
+  }
+  std::vector<std::int16_t> taps(kValues + kSlack);
+  Random random(2);
+  for (const std::uint32_t weight : kWeights) {
+    const Evidence evidence{weight, 32767U - weight};
+    const auto dither_base = static_cast<std::uint32_t>(random.next());
+    for (const int tap : {0, 1, 2, 255, 8192, 16384, 32766, 32767, -1}) {
+      // -1: a different tap for every voxel.
+      for (std::size_t i = 0; i < kValues; ++i) {
+        taps[i] = static_cast<std::int16_t>(tap >= 0 ? tap : random.between(0, 32767));
+      }
+      std::vector<Voxel> after = before;
+      add_shell(after.data(), taps.data(), kValues, 0, evidence, dither_base);
+      for (std::size_t i = 0; i < kValues; ++i) {
+        const std::uint32_t dither = dither_q22(dither_base, static_cast<std::uint32_t>(i));
+        const auto tap_q15 = static_cast<std::uint64_t>(taps[i]);
+        if (after[i].hit != wide_sum(before[i].hit, evidence.hit_q7, tap_q15, dither) ||
+            after[i].miss != wide_sum(before[i].miss, evidence.miss_q7, tap_q15, dither)) {
+          fail_msg("value %zu, weight %u, tap %d", i, weight, taps[i]);
+        }
+      }
+    }
+    std::vector<Voxel> after = before;
+    add_uniform(after.data(), kValues, 7, evidence, dither_base);
+    for (std::size_t i = 0; i < kValues; ++i) {
+      const std::uint32_t dither = dither_q22(dither_base, static_cast<std::uint32_t>(i + 7));
+      if (after[i].hit != wide_sum(before[i].hit, evidence.hit_q7, 32768, dither) ||
+          after[i].miss != wide_sum(before[i].miss, evidence.miss_q7, 32768, dither)) {
+        fail_msg("value %zu, weight %u, uniform", i, weight);
+      }
+    }
+  }
+}
+
+TEST(the_sum_of_every_value_and_increment_saturates) {
+  // add_saturated over the whole square of voxel values and increments that can occur (0..256).
+  for (std::uint32_t value = 0; value <= kFull; ++value) {
+    for (std::uint32_t increment = 0; increment <= 256; ++increment) {
+      const std::uint32_t sum = value + increment;
+      if (add_saturated(value, increment) != (sum > kFull ? kFull : sum)) {
+        fail_msg("%u + %u", value, increment);
+      }
+    }
+  }
+}
+
+/// Sum of one voxel's increments over all 2^22 dithers, each once.
+std::uint64_t sum_over_dither(std::uint32_t weight_q7, std::int16_t tap_q15) {
+  std::vector<std::int16_t> taps(1 + kSlack, tap_q15);
+  std::vector<Voxel> voxels(1 + kSlack);
+  std::uint64_t total = 0;
+  for (std::uint32_t dither = 0; dither <= kDitherMask_q22; ++dither) {
+    voxels[0] = Voxel{};
+    add_shell(voxels.data(), taps.data(), 1, 0, Evidence{weight_q7, 0}, dither << 10U);
+    total += voxels[0].hit;
+  }
+  return total;
+}
+
+TEST(rounding_is_exactly_unbiased_over_the_dither_period) {
+  // Over all dithers the increments add up to the product itself: no weight is favoured, and the
+  // smallest possible one (2^-22 of a unit) is still counted once.
+  struct Pair {
+    std::uint32_t weight_q7;
+    std::int16_t tap_q15;
+  };
+  for (const Pair pair : {Pair{1, 1}, Pair{1, 32767}, Pair{3, 5}, Pair{127, 1}, Pair{128, 16384},
+                          Pair{12345, 321}, Pair{32767, 32767}}) {
+    const auto product = static_cast<std::uint64_t>(pair.weight_q7) *
+                         static_cast<std::uint64_t>(pair.tap_q15);
+    assert_int_equal(sum_over_dither(pair.weight_q7, pair.tap_q15), product);
+  }
+}
+
+TEST(rounding_is_unbiased_over_the_columns_and_pings_that_occur) {
+  // The dithers of a real sequence: mix(ping) + column * constant, voxels in a column by golden ratio.
+  constexpr std::int32_t kCount = 32;
+  constexpr int kPings = 200'000;
+  for (const std::uint32_t weight : {1U, 5U, 40U}) {
+    std::vector<std::int16_t> taps(kCount + kSlack, 4096);  // an eighth
+    double total = 0.0;
+    for (int ping = 0; ping < kPings; ++ping) {
+      std::vector<Voxel>::value_type voxels[kCount + kSlack] = {};
+      const std::uint32_t seed = leadline::base::mix_u32(static_cast<std::uint32_t>(ping)) +
+                                 (static_cast<std::uint32_t>(ping) % 977U) * 0x85EBCA6BU;
+      add_shell(voxels, taps.data(), kCount, 0, Evidence{weight, 0}, seed);
+      for (std::int32_t k = 0; k < kCount; ++k) {
+        total += voxels[k].hit;
+      }
+    }
+    const double expected = weight / 128.0 / 8.0;
+    const double mean = total / (static_cast<double>(kPings) * kCount);
+    // Independent rounding would scatter by this much; the golden-ratio sequence does better.
+    const double sigma = std::sqrt(expected * (1.0 - expected) / (kPings * kCount));
+    print_message("weight %u/128 * 1/8: mean increment %.6f, product %.6f (sigma %.1e)\n", weight,
+                  mean, expected, sigma);
+    assert_near(mean, expected, 3.0 * sigma);
+  }
+}
+
+TEST(both_halves_are_dithered_alike) {
+  // hit and miss of one voxel round together: with equal evidence they stay equal, so that rounding
+  // alone never turns "undecided" into an opinion.
+  std::vector<std::int16_t> taps(40 + kSlack, 12345);
+  std::vector<Voxel> voxels(40 + kSlack);
+  for (std::uint32_t ping = 0; ping < 1000; ++ping) {
+    add_shell(voxels.data(), taps.data(), 40, 0, Evidence{77, 77}, leadline::base::mix_u32(ping));
+  }
+  for (const Voxel& voxel : voxels) {
+    assert_int_equal(voxel.hit, voxel.miss);
+  }
+}
+
+TEST(rescaling_halves_without_bias) {
+  constexpr std::int32_t kDepth = 1024;
+  Random random(3);
+  std::vector<Voxel> column(kDepth);
+  for (Voxel& voxel : column) {
+    voxel = Voxel{static_cast<std::uint16_t>(random.between(0, 60000)),
+                  static_cast<std::uint16_t>(random.between(0, 60000))};
+  }
+  column[500].hit = 65535;
+  const std::vector<Voxel> before = column;
+  assert_true(rescale_column(column.data(), kDepth));
+  double sum_before = 0.0;
+  double sum_after = 0.0;
+  for (std::size_t k = 0; k < before.size(); ++k) {
+    // Ratios of all pairs survive to within half a unit per voxel.
+    assert_near(column[k].hit, before[k].hit / 2.0, 0.5);
+    assert_near(column[k].miss, before[k].miss / 2.0, 0.5);
+    sum_before += before[k].hit + before[k].miss;
+    sum_after += column[k].hit + column[k].miss;
+  }
+  // 2048 halves: odd ones round by half a unit, half of them up.
+  assert_near(sum_after, sum_before / 2.0, 4.0 * 0.5 * std::sqrt(2.0 * kDepth));
+
+  // All odd and equal: up and down alternate, the sum is exact.
+  for (Voxel& voxel : column) {
+    voxel = Voxel{50001, 1};
+  }
+  assert_true(rescale_column(column.data(), kDepth));
+  double hits = 0.0;
+  double misses = 0.0;
+  for (const Voxel& voxel : column) {
+    hits += voxel.hit;
+    misses += voxel.miss;
+  }
+  assert_near(hits, kDepth * 25000.5, 0.0);
+  assert_near(misses, kDepth * 0.5, 0.0);
+}
+
+TEST(rescaling_waits_for_three_quarters_of_the_range) {
+  std::vector<Voxel> column(8);
+  column[3] = Voxel{49151, 49151};
+  const std::vector<Voxel> before = column;
+  assert_true(!rescale_column(column.data(), 8));
+  assert_true(same(column, before));
+  column[3].miss = 49152;
+  assert_true(rescale_column(column.data(), 8));
+  column.assign(8, Voxel{});
+  column[7].hit = 49152;
+  assert_true(rescale_column(column.data(), 8));
+  assert_int_equal(column[7].hit, 24576);
+}
+
+}  // namespace
