@@ -276,9 +276,9 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
     std::int64_t he = 0;
     std::int64_t rise_q12 = 0;  // depth per horizontal cell along the beam
     if (horizontal_q30 > (1 << 20)) {
-      hn = (un << 14) / horizontal_q30;
-      he = (ue << 14) / horizontal_q30;
-      rise_q12 = clamp<std::int64_t>((uz << 12) / horizontal_q30, -kMaxSlope_q12, kMaxSlope_q12);
+      hn = un * (1 << 14) / horizontal_q30;
+      he = ue * (1 << 14) / horizontal_q30;
+      rise_q12 = clamp<std::int64_t>(uz * (1 << 12) / horizontal_q30, -kMaxSlope_q12, kMaxSlope_q12);
     }
     const std::int64_t patch_q12 = scaled_q12(table.beam_variance_across_q30);
     const std::int64_t lateral_q12 = patch_q12 + pointing_q12;
@@ -313,8 +313,8 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   const std::int64_t inverse_secant_q16 = (1LL << 28) / secant_q12;
   const std::int64_t cosine_q30 = mul_shift(drop_q30, inverse_secant_q16, 16);
   // Uphill direction across the beam, length sin(incidence): down-normal minus its axis part.
-  const std::int64_t gsn_q30 = (gn * inverse_secant_q16) << 2;
-  const std::int64_t gse_q30 = (ge * inverse_secant_q16) << 2;
+  const std::int64_t gsn_q30 = gn * inverse_secant_q16 * 4;
+  const std::int64_t gse_q30 = ge * inverse_secant_q16 * 4;
   const std::int64_t uphill_n = -gsn_q30 - mul_shift(cosine_q30, un, 30);
   const std::int64_t uphill_e = -gse_q30 - mul_shift(cosine_q30, ue, 30);
 
@@ -387,7 +387,7 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   event.weight_q7 = event_weight_q7(scale.min_variance_q12, max_of(variance_q12, scale.min_variance_q12));
   event.profile_class = profile_class(scaled_q12(patch_along_q30), c11);
   event.blur_q8 = saturate_q8((c11 + c22) / 2 + position_n_q12 + position_e_q12);
-  place(event, scale, lateral, centre_n, centre_e, centre_depth_q16, gn << 4, ge << 4);
+  place(event, scale, lateral, centre_n, centre_e, centre_depth_q16, gn * 16, ge * 16);
   event.empty_range_q10 = static_cast<std::int32_t>(range >> 6);
   return event;
 }
@@ -408,8 +408,8 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   cone.down_q30 = axis.q30[2];
   cone.horizontal_q30 = sqrt_u64(static_cast<std::uint64_t>(un * un + ue * ue));
   if (cone.horizontal_q30 > (1 << 12)) {
-    cone.heading_north_q20 = (un << 20) / cone.horizontal_q30;
-    cone.heading_east_q20 = (ue << 20) / cone.horizontal_q30;
+    cone.heading_north_q20 = un * (1 << 20) / cone.horizontal_q30;
+    cone.heading_east_q20 = ue * (1 << 20) / cone.horizontal_q30;
   } else {
     cone.heading_north_q20 = 1 << 20;
     cone.heading_east_q20 = 0;
@@ -420,7 +420,8 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   const std::int64_t growth_down_q30 = mul_shift(cone.growth_q20, cone.down_q30, 20);
   cone.a_q30 = mul_shift(cone.horizontal_q30, cone.horizontal_q30, 30) -
                mul_shift(growth_down_q30, growth_down_q30, 30);
-  constexpr std::int64_t kLevel_q30 = 1 << 24;
+  // 1/4096: a flatter axis leaves its end upright, which over a radius of 40 cells is a hundredth of one.
+  constexpr std::int64_t kLevel_q30 = 1 << 18;
   cone.inverse_down_q12 =
       cone.down_q30 > kLevel_q30 || cone.down_q30 < -kLevel_q30 ? (1LL << 42) / cone.down_q30 : 0;
   return cone;
@@ -439,18 +440,23 @@ ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
   const std::int64_t radius_q10 = kTouch_q10 + (gp_q20 >> 10);
   const std::int64_t c_q20 = sx_q10 * sx_q10 + y_q10 * y_q10 - radius_q10 * radius_q10;
   // B below 2^31 (2000 cells): B^2 below 2^62; A <= 1 in Q24 times C below 2^36.
-  const std::int64_t disc_q40 = b_q20 * b_q20 - mul_shift(cone.a_q30 >> 6, c_q20, 4);
+  std::int64_t disc_q40 = b_q20 * b_q20 - mul_shift(cone.a_q30 >> 6, c_q20, 4);
   if (disc_q40 < 0) {
-    return kOutside;
+    if (cone.a_q30 >= 0) {
+      return kOutside;
+    }
+    // A vertical inside the opening always meets the cone: near the axis of a vertical beam the
+    // discriminant, g^2 times the squared offset, is a small difference that rounding turns negative.
+    disc_q40 = 0;
   }
   const auto root_q20 = static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40)));
   // The two roots without cancellation: q / A and C / q.
   const std::int64_t q_q20 = b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20;
-  const std::int64_t one_q10 = q_q20 == 0 ? 0 : clamp((c_q20 << 10) / q_q20, -kFar_q10, kFar_q10);
+  const std::int64_t one_q10 = q_q20 == 0 ? 0 : clamp(c_q20 * (1 << 10) / q_q20, -kFar_q10, kFar_q10);
   const std::int64_t other_sign = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
   const std::int64_t other_q10 =
       cone.a_q30 > -16 && cone.a_q30 < 16 ? other_sign
-                                          : clamp((q_q20 << 20) / cone.a_q30, -kFar_q10, kFar_q10);
+                                          : clamp(q_q20 * (1 << 20) / cone.a_q30, -kFar_q10, kFar_q10);
   ColumnSpan span{min_of(one_q10, other_q10), max_of(one_q10, other_q10)};
   if (cone.a_q30 < 0) {
     // The vertical runs inside the opening: forward of the farther root only.

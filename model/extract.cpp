@@ -72,7 +72,7 @@ Plane solve(const PlaneSums& sums) {
   const std::int64_t north_q14 = ratio(cnz - mul_shift(slant_q20, cez, 20), pivot, 6);
   const std::int64_t east_q14 = ratio(cez - ((north_q14 * cne) >> 6), cee, 6);
   const std::int64_t centre_q14 =
-      ((sums.sz << 6) - north_q14 * sums.sn - east_q14 * sums.se) / sums.s;
+      (sums.sz * 64 - north_q14 * sums.sn - east_q14 * sums.se) / sums.s;
   return Plane{static_cast<std::int32_t>((centre_q14 + 32) >> 6), static_cast<std::int32_t>(north_q14 >> 6),
                static_cast<std::int32_t>(east_q14 >> 6)};
 }

@@ -83,6 +83,33 @@ PingResult Model::sight(const base::Ping& ping, const base::Pose& pose, Sighting
   return PingResult::kFused;
 }
 
+// The columns that the event will most likely touch, asked for before the slope is known: memory then
+// works while the geometry is computed. A hint only; the result does not depend on it.
+void Model::prefetch_columns(const BeamFrame& frame, const Sighting& sighting) const {
+#if defined(__GNUC__)
+  constexpr std::int32_t kAround = 2;
+  std::int32_t centre[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    centre[axis] = static_cast<std::int32_t>(
+        (sighting.origin_q16[axis] + mul_shift(sighting.range_q16, frame.axis.q30[axis], 30)) >> 16);
+  }
+  const std::int32_t n0 = max_of(centre[0] - kAround, 0);
+  const std::int32_t n1 = min_of(centre[0] + kAround, scale_.size[0] - 1);
+  const std::int32_t e0 = max_of(centre[1] - kAround, 0);
+  const std::int32_t e1 = min_of(centre[1] + kAround, scale_.size[1] - 1);
+  const std::int32_t k = clamp(centre[2] - 4, 0, scale_.size[2] - 1);
+  for (std::int32_t n = n0; n <= n1; ++n) {
+    for (std::int32_t e = e0; e <= e1; ++e) {
+      const std::uint32_t column = grid_.column_index(n, e);
+      const Voxel* const voxels = grid_.column_voxels(column);
+      __builtin_prefetch(voxels, 1);
+      __builtin_prefetch(voxels + k, 1);
+      __builtin_prefetch(&grid_.column(column), 1);
+    }
+  }
+#endif
+}
+
 Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
   const std::int64_t range = sighting.range_q16;
   const std::int64_t range2_q6 = (range * range) >> 26;
@@ -280,7 +307,7 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
   };
   // Seen from above the cone is a band |y| <= radius: a row cuts it between (he dn +- radius) / hn.
   const bool banded = hn > (1 << 16) || hn < -(1 << 16);
-  const std::int64_t band_slope_q20 = banded ? (he << 20) / hn : 0;
+  const std::int64_t band_slope_q20 = banded ? he * (1 << 20) / hn : 0;
   const std::int64_t band_half_q10 = banded ? (radius << 20) / (hn < 0 ? -hn : hn) : 0;
 
   const std::int64_t n0 = cells_from(origin_n + min_of<std::int64_t>(tip_n, 0) - radius);
@@ -395,6 +422,7 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose) {
     const std::int64_t range_q16 = mul_shift(config_.detect_range_um, scale_.inverse_cell_q46, 30);
     carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), 255 * 16);
   } else {
+    prefetch_columns(frame, sighting);
     const Slope slope = estimate_slope(frame, sighting);
     const ShellEvent event = make_shell(scale_, table_, frame, sighting, slope);
     const auto now_ds = static_cast<std::uint32_t>(ping.t_transmit_us / 100'000);

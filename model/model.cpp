@@ -95,10 +95,12 @@ base::Status Model::configure(const ModelConfig& config, const void* table_bytes
   scale_.footprint_cells = static_cast<std::int32_t>(
       base::clamp<std::int64_t>((sigma_q12 * kCut_q8 + (1 << 20) - 1) >> 20, 2, kMaxFootprintCells));
 
-  // An undeclared registration error of one cell, or one metre where cells are larger.
+  // Navigation drifts even where nobody says so: unless the configuration declares its correlated
+  // error, one cell is assumed, or one metre where cells are larger (DESIGN.md "Sigma").
   constexpr std::int64_t kRegistration_um = 1'000'000;
+  const bool declared = config.sigma_correlated_mm[0] != 0 || config.sigma_correlated_mm[1] != 0;
   const std::int64_t registration_q12 =
-      cells_q12(min_of<std::int64_t>(scale_.cell_um, kRegistration_um), scale_.cell_um);
+      declared ? 0 : cells_q12(min_of<std::int64_t>(scale_.cell_um, kRegistration_um), scale_.cell_um);
   registration_q12_ = mul_shift(registration_q12, registration_q12, 12);
 
   bound_ = work_bound(scale_);

@@ -99,6 +99,7 @@ class Model {
 
  private:
   [[nodiscard]] PingResult sight(const base::Ping& ping, const base::Pose& pose, Sighting& sighting) const;
+  void prefetch_columns(const BeamFrame& frame, const Sighting& sighting) const;
   [[nodiscard]] Slope estimate_slope(const BeamFrame& frame, const Sighting& sighting);
   void add_shell_event(const ShellEvent& event, std::uint32_t now_ds);
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,

@@ -226,15 +226,18 @@ GeneratedTable generate_table(const BeamDescription& beam) {
   facts.worst_profile_error = profile_error / kQ15Peak;
   facts.worst_kernel_error = kernel_error / model::kKernelSum;
   facts.worst_kernel_moment_cells = kernel_moment;
-  char first_return_line[96];
-  std::snprintf(first_return_line, sizeof(first_return_line),
-                "\nFirst return up to 75 degrees of incidence: worst error %.2e of the range",
-                facts.worst_excess_error_to_75deg);
   generated.report = std::string("Cut: ") + beam_cut_text(pattern.cut(0));
   if (pattern.two_axis()) {
     generated.report += std::string(" along, ") + beam_cut_text(pattern.cut(1)) + " across";
   }
-  generated.report += "\n" + table_to_text(table) + first_return_line;
+  generated.report += "\n" + table_to_text(table);
+  // Behind the worst first return of all, which nearly always is that at grazing incidence.
+  char to_75deg[64];
+  std::snprintf(to_75deg, sizeof(to_75deg), ", %.2e up to 75 degrees of incidence",
+                facts.worst_excess_error_to_75deg);
+  const std::size_t line = generated.report.find("  first return ");
+  generated.report.insert(std::min(generated.report.find('\n', line), generated.report.size()),
+                          to_75deg);
   return generated;
 }
 

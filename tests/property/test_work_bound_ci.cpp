@@ -449,7 +449,6 @@ TEST(no_ping_exceeds_the_bound_and_the_bound_is_near) {
     const base::Status status = configure(trial);
     assert_int_equal(static_cast<int>(status), static_cast<int>(base::Status::kOk));
     const model::WorkBound bound = the_model.bound();
-    const std::uint32_t whole = model::cone_volume(the_model.scale(), the_model.scale().max_range_q16 >> 6);
     const Outcome outcome = search(trial, pings, bound.total_voxels);
     const double ratio = static_cast<double>(outcome.worst) / bound.total_voxels;
     const bool ok = outcome.above == 0 && outcome.worst <= bound.total_voxels && ratio >= kReachedShare;
@@ -470,8 +469,6 @@ TEST(no_ping_exceeds_the_bound_and_the_bound_is_near) {
                   static_cast<long long>(outcome.above), c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9],
                   c[10], c[11], c[12], c[kMapped], c[kPlaneDepth], c[kSlopeN], c[kSlopeE], c[kReturn]);
     }
-    {const auto&sc=the_model.scale(); double sh=std::min(2*sc.footprint_cells,sc.size[0])*std::min(2*sc.footprint_cells,sc.size[1])*std::min(14,sc.size[2]);
-    std::printf("      whole cone %u, sum %.0f ratio %.3f\n", whole, sh+whole, outcome.worst/(sh+whole));}
     std::fflush(stdout);
     // The counter in the shipped code saw what the search saw.
     assert_true(the_model.counters().max_voxels_per_ping == outcome.worst);

@@ -910,7 +910,7 @@ TEST(random_descriptions_make_tables_that_pass) {
   const auto between = [&](double low, double high) {
     return low * std::pow(high / low, random.uniform());
   };
-  for (int i = 0; i < 24; ++i) {
+  for (int i = 0; i < 12; ++i) {
     BeamDescription beam;
     switch (i % 3) {
       case 0:
