@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/geotiff.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/progress.hpp"
 #include "host_tools/render/render.hpp"
@@ -95,7 +96,7 @@ void print_summary(const MapOptions& options, const MapStats& stats) {
             << decimals(stats.counters.entropy_bits, 0) << " bits open; map "
             << hex(stats.counters.map_hash, 16) << ", table " << hex(stats.counters.table_crc, 8)
             << "\nwritten to     " << options.out_dir
-            << ": model.llm, depth.asc, sigma.asc, depth.png, stats.json\n";
+            << ": model.llm, depth.asc, sigma.asc, depth.tif, depth.png,\n               stats.json\n";
 }
 
 }  // namespace
@@ -149,6 +150,9 @@ int run_map(const MapOptions& options) {
   output.write("model.llm", map.save());
   output.write("depth.asc", format_esri_ascii(map.elevation(), digits));
   output.write("sigma.asc", format_esri_ascii(map.sigma(), digits));
+  const GeoReference reference{config.frame.lat_deg, config.frame.lon_deg, config.frame.epsg,
+                               config.frame.vertical_datum};
+  write_geotiff(output.stage("depth.tif"), map.elevation(), &map.sigma(), reference);
   output.write("depth.png", render::depth_png(map.elevation(), render::PictureOptions{}));
   const std::string json = format_stats_json(stats);
   output.write("stats.json", json);

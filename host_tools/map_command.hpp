@@ -31,7 +31,7 @@ struct MapStats {
 /// The text of stats.json.
 [[nodiscard]] std::string format_stats_json(const MapStats& stats);
 
-/// The command. Leaves model.llm, depth.asc, sigma.asc, depth.png, stats.json in out_dir, all or none;
+/// The command. Leaves model.llm, depth.asc, sigma.asc, depth.tif, depth.png, stats.json in out_dir, all or none;
 /// notices and rejected rows go to standard error, the summary to standard output. Returns 0. Throws
 /// HostError: kUsage (configuration), kInput (pings; no row within the range limits), kOutput.
 int run_map(const MapOptions& options);

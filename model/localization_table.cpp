@@ -14,9 +14,9 @@ using base::Status;
 // Widest envelope of a table: tan of 80.5 degrees. Wider ones would let the footprint of one ping
 // outgrow every grid; the generator cuts at 80 degrees.
 constexpr std::uint32_t kMaxTanEnvelope_q24 = 6U << 24U;
-// cos + excess is a cosine: |excess| stays below 2, |slope| below 64 (a pointing error turns a unit
+// cos + excess is a cosine: |excess| stays below 1.5, |slope| below 64 (a pointing error turns a unit
 // of range into at most a few units of depth) and the shift below tan(80.5 deg) * kIncidenceSteps.
-constexpr std::int64_t kMaxExcess_q30 = std::int64_t{2} << 30U;
+constexpr std::int64_t kMaxExcess_q30 = std::int64_t{3} << 29U;
 constexpr std::int64_t kMaxSlope_q20 = std::int64_t{64} << 20U;
 constexpr std::int64_t kMaxShift_q20 = (std::int64_t{6} * kIncidenceSteps) << 20U;
 constexpr std::uint16_t kPeak_q15 = 32767;
