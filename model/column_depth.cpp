@@ -10,7 +10,6 @@ using base::clamp;
 using base::max_of;
 using base::min_of;
 
-constexpr std::uint32_t kRescaleAbove = 49152;
 constexpr int kIterations = 3;
 constexpr std::int64_t kSettled_q8 = 8;  // a move below 1/32 cell ends the iteration
 

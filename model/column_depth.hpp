@@ -29,8 +29,10 @@ enum class DepthMethod : std::uint8_t {
 [[nodiscard]] ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells,
                                        DepthMethod method, Rule rule);
 
-/// Halves every voxel of the column when one of its halves has passed three quarters of the range;
-/// rounding alternates, so that it is unbiased. Returns whether it did. O(depth).
+/// Half of a voxel's range: a column below it can take as much again before anything saturates.
+inline constexpr std::uint32_t kRescaleAbove = 32768;
+
+/// Halves every voxel of the column when one of its halves has reached kRescaleAbove; rounding alternates, so that it is unbiased. Returns whether it did. O(depth).
 bool rescale_column(Voxel* voxels, std::int32_t depth_cells);
 
 }  // namespace leadline::model

@@ -14,6 +14,10 @@ using base::ratio;
 constexpr std::int32_t kReach = 3;  // smoothing window 7 x 7
 constexpr int kWindow = (2 * kReach + 1) * (2 * kReach + 1);
 
+// A column without a vote of its own is lit when evidence in it ends no higher than this above its
+// neighbours' surface: a cone ends the longest kernel's reach above the bottom, and a voxel or two.
+constexpr std::int32_t kLitReach_q8 = (kKernelCentre + 2) * 256;
+
 // Roughness: variance that terrain adds per (distance in cells)^4 when a column speaks for another.
 // First pass, and limits of what the residuals of that pass may turn it into.
 constexpr std::int64_t kRoughnessStart_q16 = 3277;   // 0.05
@@ -77,15 +81,21 @@ Plane solve(const PlaneSums& sums) {
                static_cast<std::int32_t>(east_q14 >> 6)};
 }
 
+// One past the deepest voxel with evidence of either kind; 0 when there is none.
+std::int32_t evidence_end(const Voxel* voxels, std::int32_t depth_cells) {
+  std::int32_t end = depth_cells;
+  while (end > 0 && voxels[end - 1].hit == 0 && voxels[end - 1].miss == 0) {
+    --end;
+  }
+  return end;
+}
+
 }  // namespace
 
 void Model::extract_raw(DepthMethod method) {
   const std::int32_t depth_cells = scale_.size[2];
   for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {
     ColumnRecord& record = grid_.column(column);
-    if ((record.flags & kColumnTouched) == 0) {
-      continue;
-    }
     const ColumnDepth found = column_depth(grid_.column_voxels(column), depth_cells, method, config_.rule);
     results_[column].raw_q8 = found.depth_q8;
     results_[column].mass = found.mass;
@@ -98,8 +108,9 @@ void Model::extract_raw(DepthMethod method) {
 void Model::smooth_column(std::int32_t n, std::int32_t e) {
   ColumnResult& own = results_[grid_.column_index(n, e)];
   own.depth_q8 = kUnknownDepth;
-  const std::uint8_t flags = grid_.column(grid_.column_index(n, e)).flags;
-  if (own.raw_q8 == kUnknownDepth && (flags & kColumnInsonified) == 0) {
+  const bool voteless = own.raw_q8 == kUnknownDepth;
+  const std::int32_t lit = voteless ? evidence_end(grid_.column_voxels(grid_.column_index(n, e)), scale_.size[2]) : 0;
+  if (voteless && lit == 0) {
     return;
   }
   // Neighbours, their noise (Q16 cells^2) and depth relative to the column's own.
@@ -126,7 +137,7 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
     }
   }
   constexpr int kLeastNeighbours = 3;
-  if (own.raw_q8 == kUnknownDepth && count < kLeastNeighbours) {
+  if (voteless && (count < kLeastNeighbours || reference_q8 - 256 * lit > kLitReach_q8)) {
     return;
   }
   std::int64_t roughness_q16 = kRoughnessStart_q16;

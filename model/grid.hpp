@@ -27,7 +27,6 @@ enum ColumnFlags : std::uint8_t {
   kColumnTouched = 1U << 0U,       ///< some event wrote into the column
   kColumnMultiSurface = 1U << 1U,  ///< a second, separate surface stands in the column
   kColumnDirty = 1U << 2U,         ///< touched since the last extraction of results
-  kColumnInsonified = 1U << 3U,    ///< a cone of empty evidence reached the bottom in the column
 };
 
 /// Side record of one column, outside the voxels: derived or auxiliary, never the source of a depth.
@@ -48,7 +47,14 @@ using TileId = std::uint32_t;
 /// State of one tile.
 struct TileRecord {
   std::uint32_t page;        ///< index of the tile's storage page (its first voxel / voxels per page)
-  std::uint32_t generation;  ///< counts the pings that touched the tile; 0 = never
+  std::uint32_t generation;  ///< counts the pings that wrote into the tile; 0 = never
+  std::uint32_t last_ping;   ///< number of the latest of them
+
+  /// Counts ping number `ping` (from 1 on), once.
+  void touch(std::uint32_t ping) {
+    generation += last_ping == ping ? 0U : 1U;
+    last_ping = ping;
+  }
 };
 
 /// Static storage and index arithmetic. One instance owns everything; not copyable. All functions are

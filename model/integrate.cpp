@@ -17,8 +17,9 @@ using base::ratio;
 constexpr int kEmptyShift = 1;
 // Separates the dither sequences of columns (odd, so that it is a permutation).
 constexpr std::uint32_t kColumnDither = 0x85EBCA6BU;
-// Columns with less evidence than this cannot hold a voxel near saturation.
-constexpr std::uint32_t kRescaleMass = 49152;
+// Columns with less evidence than this cannot hold a voxel that needs rescaling; and a column that has
+// gained as much is looked at again, so that no voxel of it saturates in between.
+constexpr std::uint32_t kRescaleMass = kRescaleAbove;
 // Voxels of a column that share one weight of empty evidence.
 constexpr std::int64_t kRun = 24;
 // A column is read again for the slope once its evidence has grown fourfold (twofold and fivefold
@@ -146,7 +147,7 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
       }
       const std::uint32_t index = grid_.column_index(n, e);
       ColumnRecord& record = grid_.column(index);
-      if (record.gain > (kRegrowth - 1) * record.mass) {
+      if (record.gain > min_of((kRegrowth - 1) * record.mass, kRescaleMass - 1)) {
         Voxel* const voxels = grid_.column_voxels(index);
         // The evidence of a column bounds that of its voxels: most columns need no look for saturation.
         if (record.mass + record.gain > kRescaleMass && rescale_column(voxels, scale_.size[2])) {
@@ -218,6 +219,8 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
     std::int32_t xi = event.xi0_q16 + row * event.xi_dn_q16;
     std::int32_t eta = event.eta0_q16 + row * event.eta_dn_q16;
     std::int32_t depth = event.depth0_q16 + row * event.depth_dn_q16;
+    // Dither follows the place in the grid, not in storage: the map must not depend on paging.
+    const std::uint32_t row_dither = seed + static_cast<std::uint32_t>(n * kMaxSideCells) * kColumnDither;
     std::uint32_t row_base = 0;       // storage index of column (n, first of the tile)
     std::int32_t tile_end = event.east0;  // first column east of the current tile
     for (std::int32_t e = event.east0; e <= event.east1;
@@ -253,13 +256,13 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
         // One look at the page table per tile and row.
         row_base = grid_.column_index(n, e & ~(kTileCells - 1));
         tile_end = (e | (kTileCells - 1)) + 1;
-        ++grid_.tile(grid_.tile_of(n, e)).generation;
+        grid_.tile(grid_.tile_of(n, e)).touch(ping_number_);
       }
       const std::uint32_t column = row_base + static_cast<std::uint32_t>(e & (kTileCells - 1));
       const std::uint32_t against_q7 = (weight_q7 * against_q15) >> 15U;
       add_shell(grid_.column_voxels(column) + low, kernel[phase] + first_tap + (low - start), count,
                 static_cast<std::uint32_t>(low), Evidence{weight_q7 - against_q7, against_q7},
-                seed + column * kColumnDither);
+                row_dither + static_cast<std::uint32_t>(e) * kColumnDither);
       written += static_cast<std::uint32_t>(count);
       ++columns;
       ColumnRecord& record = grid_.column(column);
@@ -334,12 +337,10 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       // Voxel k has its centre at k + 0.5.
       std::int64_t k0 = (span.top_q10 + origin_z + 511) >> 10;
       std::int64_t k1 = (span.bottom_q10 + origin_z - 512) >> 10;
-      bool reached = false;
       if (plane) {
         // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
         const std::int64_t plane_q16 = shell->plane0_q16 + n * shell->depth_dn_q16 + e * shell->depth_de_q16;
         const std::int64_t last = (plane_q16 - clearance_q16) >> 16;
-        reached = k1 > last && (plane_q16 >> 16) < depth_cells;
         k1 = min_of(k1, last);
       }
       k0 = max_of<std::int64_t>(k0, 0);
@@ -349,11 +350,9 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       }
       const std::uint32_t column =
           grid_.column_index(static_cast<std::int32_t>(n), static_cast<std::int32_t>(e));
-      if (reached) {
-        grid_.column(column).flags |= kColumnInsonified;
-      }
+      grid_.tile(grid_.tile_of(static_cast<std::int32_t>(n), static_cast<std::int32_t>(e))).touch(ping_number_);
       Voxel* const voxels = grid_.column_voxels(column);
-      const std::uint32_t dither = seed + column * kColumnDither;
+      const std::uint32_t dither = seed + static_cast<std::uint32_t>(n * kMaxSideCells + e) * kColumnDither;
       for (std::int64_t k = k0; k <= k1; k += kRun) {
         const std::int64_t count = min_of<std::int64_t>(kRun, k1 - k + 1);
         if (voxels_this_ping_ + count > budget) {

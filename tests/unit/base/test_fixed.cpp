@@ -1,9 +1,8 @@
 // Fixed-point arithmetic against double and 128-bit arithmetic, over whole domains where they fit.
-#include "model/base/fixed.hpp"
-
 #include <algorithm>
 #include <limits>
 
+#include "model/base/fixed.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -102,7 +101,8 @@ std::int32_t reference_ratio(std::int64_t numerator, std::int64_t denominator, i
   __extension__ using Wide = unsigned __int128;
   const auto magnitude = static_cast<Wide>(negative ? -static_cast<long double>(numerator)
                                                     : static_cast<long double>(numerator));
-  const Wide quotient = (magnitude << static_cast<unsigned>(shift)) / static_cast<Wide>(denominator);
+  const Wide quotient =
+      (magnitude << static_cast<unsigned>(shift)) / static_cast<Wide>(denominator);
   const Wide limit = 0x7FFFFFFF;
   const auto result = static_cast<std::int32_t>(quotient > limit ? limit : quotient);
   return negative ? -result : result;
@@ -124,8 +124,8 @@ TEST(ratio_keeps_24_significant_bits) {
   Random random(3);
   double worst = 0.0;
   for (int i = 0; i < 2'000'000; ++i) {
-    const auto numerator = static_cast<std::int64_t>(random.next()) >>
-                           static_cast<unsigned>(random.between(0, 62));
+    const auto numerator =
+        static_cast<std::int64_t>(random.next()) >> static_cast<unsigned>(random.between(0, 62));
     const auto denominator = static_cast<std::int64_t>(
         (random.next() >> static_cast<unsigned>(random.between(1, 62))) | 1U);
     const int shift = static_cast<int>(random.between(0, 40));

@@ -1,10 +1,9 @@
 // Depth of one column from known histograms: accuracy, edges, unknown, two surfaces, empty evidence.
-#include "model/column_depth.hpp"
-
 #include <algorithm>
 #include <cstring>
 #include <vector>
 
+#include "model/column_depth.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -142,7 +141,8 @@ TEST(the_grids_top_and_bottom_do_not_pull) {
     worst_mean = std::max(worst_mean, std::fabs(moment / sum - centre));
     worst = std::max(worst, std::fabs(cells(column.read()) - centre));
   }
-  print_message("near an edge: worst error %.3f cells, of the plain mean %.3f\n", worst, worst_mean);
+  print_message("near an edge: worst error %.3f cells, of the plain mean %.3f\n", worst,
+                worst_mean);
   assert_true(worst < 0.2);
   assert_true(worst_mean > 0.5);
 }
@@ -153,10 +153,10 @@ TEST(a_depth_is_always_inside_the_grid) {
     const auto depth_cells = static_cast<std::int32_t>(random.between(1, 40));
     Column column(depth_cells);
     for (Voxel& voxel : column.voxels) {
-      voxel.hit = static_cast<std::uint16_t>(random.next() >> static_cast<unsigned>(
-                                                 random.between(48, 63)));
-      voxel.miss = static_cast<std::uint16_t>(random.next() >> static_cast<unsigned>(
-                                                  random.between(48, 63)));
+      voxel.hit = static_cast<std::uint16_t>(random.next() >>
+                                             static_cast<unsigned>(random.between(48, 63)));
+      voxel.miss = static_cast<std::uint16_t>(random.next() >>
+                                              static_cast<unsigned>(random.between(48, 63)));
     }
     for (const DepthMethod method : kMethods) {
       for (const Rule rule : kRules) {
@@ -192,7 +192,8 @@ TEST(two_surfaces_are_flagged_and_the_stronger_is_the_depth) {
   assert_true(lower.multi_surface);
   assert_near(cells(lower), 40.5, 0.02);
   // Under a quarter as strong: noise.
-  assert_true(!Column(64).surface(15.5, 1.0, 1000.0).surface(40.5, 1.0, 200.0).read().multi_surface);
+  assert_true(
+      !Column(64).surface(15.5, 1.0, 1000.0).surface(40.5, 1.0, 200.0).read().multi_surface);
   // Over a quarter.
   assert_true(Column(64).surface(15.5, 1.0, 1000.0).surface(40.5, 1.0, 300.0).read().multi_surface);
   // One surface, however wide, is one.

@@ -1,11 +1,10 @@
 // The inner loops: vector form against scalar form, both against wide arithmetic, exhaustively.
-#include "model/column_kernels.hpp"
-
 #include <cstring>
 #include <vector>
 
 #include "model/base/fixed.hpp"
 #include "model/column_depth.hpp"
+#include "model/column_kernels.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -103,10 +102,67 @@ TEST(vector_form_equals_scalar_form_and_touches_nothing_else) {
   }
 }
 
+TEST(column_profiles_in_vector_and_scalar_form_are_the_same) {
+  Random random(8);
+  constexpr std::size_t kMost = 1024;
+  for (int trial = 0; trial < 4000; ++trial) {
+    const auto depth_cells =
+        trial < 200 ? trial % 100 + 1 : static_cast<std::int32_t>(random.between(1, kMost));
+    const auto depth = static_cast<std::size_t>(depth_cells);
+    // The next column follows at once: its voxels must not leak in.
+    std::vector<Voxel> voxels(depth + kSlack);
+    const auto quiet = static_cast<unsigned>(random.between(0, 15));
+    for (Voxel& voxel : voxels) {
+      voxel = Voxel{static_cast<std::uint16_t>(random_half(random) >> quiet),
+                    static_cast<std::uint16_t>(random_half(random) >> quiet)};
+    }
+    struct Profile {
+      std::vector<std::uint16_t> evidence, smoothed;
+      ProfileSummary summary{};
+    };
+    const auto room = depth + 2 * kProfileGuard + 8;
+    Profile vector{std::vector<std::uint16_t>(room, 9999),
+                   std::vector<std::uint16_t>(depth + 8, 9999)};
+    Profile scalar = vector;
+    const Rule rule = trial % 2 == 0 ? Rule::kLogOdds : Rule::kWeightedMean;
+    vector.summary = gather_profile(voxels.data(), depth_cells, rule,
+                                    vector.evidence.data() + kProfileGuard, vector.smoothed.data());
+    scalar.summary =
+        gather_profile_scalar(voxels.data(), depth_cells, rule,
+                              scalar.evidence.data() + kProfileGuard, scalar.smoothed.data());
+    assert_int_equal(vector.summary.mass, scalar.summary.mass);
+    assert_int_equal(vector.summary.peak, scalar.summary.peak);
+    assert_int_equal(vector.summary.shift, scalar.summary.shift);
+    std::uint64_t mass = 0;
+    std::uint32_t peak = 0;
+    for (std::size_t k = 0; k < depth; ++k) {
+      const std::uint32_t hit = voxels[k].hit;
+      const std::uint32_t miss = voxels[k].miss;
+      const std::uint32_t value =
+          rule == Rule::kLogOdds ? (miss > 4 * hit ? 0 : hit) : (miss > hit ? 0 : hit - miss);
+      const std::size_t at = k + kProfileGuard;
+      assert_int_equal(vector.evidence[at], value);
+      assert_int_equal(scalar.evidence[at], value);
+      assert_int_equal(vector.smoothed[k], scalar.smoothed[k]);
+      const auto near = [&](std::size_t offset) {
+        return static_cast<std::uint32_t>(scalar.evidence[at + offset - 2]) >> scalar.summary.shift;
+      };
+      const std::uint32_t smooth = near(0) + 2 * near(1) + 3 * near(2) + 2 * near(3) + near(4);
+      assert_int_equal(scalar.smoothed[k], smooth);
+      // 15 bits: the vector form compares lanes as signed.
+      assert_true(smooth < 32768);
+      mass += value;
+      peak = smooth > peak ? smooth : peak;
+    }
+    assert_int_equal(scalar.summary.mass, mass);
+    assert_int_equal(scalar.summary.peak, peak);
+  }
+}
+
 TEST(every_voxel_value_saturates_as_wide_arithmetic_does) {
-  constexpr std::uint32_t kWeights[] = {0,    1,    2,    3,     63,    64,    127,   128,  129,
-                                        255,  256,  1000, 4095,  4096,  8191,  16383, 16384, 32639,
-                                        32640, 32641, 32766, 32767};
+  constexpr std::uint32_t kWeights[] = {0,     1,     2,     3,     63,    64,   127,  128,
+                                        129,   255,   256,   1000,  4095,  4096, 8191, 16383,
+                                        16384, 32639, 32640, 32641, 32766, 32767};
   constexpr std::size_t kValues = 65536;
   std::vector<Voxel> before(kValues + kSlack);
   for (std::size_t i = 0; i < kValues; ++i) {
@@ -179,8 +235,8 @@ TEST(rounding_is_exactly_unbiased_over_the_dither_period) {
   };
   for (const Pair pair : {Pair{1, 1}, Pair{1, 32767}, Pair{3, 5}, Pair{127, 1}, Pair{128, 16384},
                           Pair{12345, 321}, Pair{32767, 32767}}) {
-    const auto product = static_cast<std::uint64_t>(pair.weight_q7) *
-                         static_cast<std::uint64_t>(pair.tap_q15);
+    const auto product =
+        static_cast<std::uint64_t>(pair.weight_q7) * static_cast<std::uint64_t>(pair.tap_q15);
     assert_int_equal(sum_over_dither(pair.weight_q7, pair.tap_q15), product);
   }
 }
@@ -262,18 +318,20 @@ TEST(rescaling_halves_without_bias) {
   assert_near(misses, kDepth * 0.5, 0.0);
 }
 
-TEST(rescaling_waits_for_three_quarters_of_the_range) {
+TEST(rescaling_waits_for_half_of_the_range) {
+  // Below half of its range a voxel can take as much again before it saturates.
+  static_assert(2 * kRescaleAbove <= kFull + 1);
   std::vector<Voxel> column(8);
-  column[3] = Voxel{49151, 49151};
+  column[3] = Voxel{kRescaleAbove - 1, kRescaleAbove - 1};
   const std::vector<Voxel> before = column;
   assert_true(!rescale_column(column.data(), 8));
   assert_true(same(column, before));
-  column[3].miss = 49152;
+  column[3].miss = kRescaleAbove;
   assert_true(rescale_column(column.data(), 8));
   column.assign(8, Voxel{});
-  column[7].hit = 49152;
+  column[7].hit = kRescaleAbove;
   assert_true(rescale_column(column.data(), 8));
-  assert_int_equal(column[7].hit, 24576);
+  assert_int_equal(column[7].hit, kRescaleAbove / 2);
 }
 
 }  // namespace

@@ -1,9 +1,8 @@
 // Every bad value of a configuration is refused, and by its own status.
-#include "model/config.hpp"
-
 #include <functional>
 
 #include "model/capacity.hpp"
+#include "model/config.hpp"
 #include "tests/support/plain_table.hpp"
 #include "tests/support/test.hpp"
 
@@ -19,7 +18,7 @@ Status check_changed(const std::function<void(ModelConfig*)>& change) {
   return check_config(config);
 }
 
-#define assert_status(status, statement)                                                     \
+#define assert_status(status, statement) \
   assert_int_equal(check_changed([](ModelConfig* c) { statement; }), Status::status)
 
 TEST(a_plain_configuration_passes) {
@@ -64,8 +63,8 @@ TEST(grid_size) {
 TEST(capacity) {
   // Every side is allowed, their product is not.
   assert_status(kOverCapacity, (c->size[0] = kMaxSideCells, c->size[1] = kMaxSideCells));
-  assert_status(kOverCapacity,
-                (c->size[0] = kMaxSideCells, c->size[1] = kMaxSideCells, c->size[2] = kMaxDepthCells));
+  assert_status(kOverCapacity, (c->size[0] = kMaxSideCells, c->size[1] = kMaxSideCells,
+                                c->size[2] = kMaxDepthCells));
   static_assert(kVoxelCapacity >= 8U << 20U, "at least 8 Mi voxels on Linux");
   assert_status(kOk, (c->size[0] = 512, c->size[1] = 512, c->size[2] = 32));
 }
@@ -88,7 +87,8 @@ TEST(origin) {
 
 TEST(sigmas) {
   for (int axis = 0; axis < 3; ++axis) {
-    for (const std::int64_t bad : {std::int64_t{-1}, std::int64_t{100'000'001}, INT64_MAX, INT64_MIN}) {
+    for (const std::int64_t bad :
+         {std::int64_t{-1}, std::int64_t{100'000'001}, INT64_MAX, INT64_MIN}) {
       ModelConfig config = plain_config(64, 64, 32);
       config.sigma_position_mm[axis] = bad;
       assert_int_equal(check_config(config), Status::kOutOfRange);

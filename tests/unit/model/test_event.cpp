@@ -1,12 +1,11 @@
 // Geometry of one event against double precision: beam axes, kernel levels, the cone, the shell's plane.
-#include "model/event.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cstring>
 
 #include "model/base/fixed.hpp"
 #include "model/capacity.hpp"
+#include "model/event.hpp"
 #include "model/work_bound.hpp"
 #include "tests/support/plain_table.hpp"
 #include "tests/support/test.hpp"
@@ -169,8 +168,8 @@ TEST(cone_span_against_the_frustum_point_by_point) {
   for (int trial = 0; trial < 4000; ++trial) {
     const double tangent = std::exp(std::log(0.001) + std::log(2000.0) * random.uniform());
     const Scale scale = scale_of(tangent);
-    const double elevation = trial % 10 == 0 ? (trial % 20 == 0 ? kPi / 2 : 0.0)
-                                             : (random.uniform() - 0.3) * kPi;
+    const double elevation =
+        trial % 10 == 0 ? (trial % 20 == 0 ? kPi / 2 : 0.0) : (random.uniform() - 0.3) * kPi;
     const double azimuth = 2.0 * kPi * random.uniform();
     const Vector u = {std::cos(elevation) * std::cos(azimuth),
                       std::cos(elevation) * std::sin(azimuth), std::sin(elevation)};
@@ -188,9 +187,8 @@ TEST(cone_span_against_the_frustum_point_by_point) {
       const double de = u[1] * along + (2.0 * random.uniform() - 1.0) * radius;
       const double hn = static_cast<double>(cone.heading_north_q20) * 0x1.0p-20;
       const double he = static_cast<double>(cone.heading_east_q20) * 0x1.0p-20;
-      const ColumnSpan span =
-          cone_span(cone, std::llround((hn * dn + he * de) * 1024.0),
-                    std::llround((hn * de - he * dn) * 1024.0));
+      const ColumnSpan span = cone_span(cone, std::llround((hn * dn + he * de) * 1024.0),
+                                        std::llround((hn * de - he * dn) * 1024.0));
       ++columns;
       const double margin = 0.02 + 0.002 * range;
       for (double z = -radius - range; z <= radius + range; z += 0.37) {
@@ -204,11 +202,12 @@ TEST(cone_span_against_the_frustum_point_by_point) {
                              z * 1024.0 <= static_cast<double>(span.bottom_q10);
         inside_count += in ? 1 : 0;
         if (!near && in != spanned) {
-          fail_msg("trial %d: tan %g, elevation %g deg, range %g, column (%g, %g), z %g: slant %g, "
-                   "off %g of %g, span %g .. %g",
-                   trial, tangent, elevation * 180.0 / kPi, range, dn, de, z, slant, off, allowed,
-                   static_cast<double>(span.top_q10) / 1024.0,
-                   static_cast<double>(span.bottom_q10) / 1024.0);
+          fail_msg(
+              "trial %d: tan %g, elevation %g deg, range %g, column (%g, %g), z %g: slant %g, "
+              "off %g of %g, span %g .. %g",
+              trial, tangent, elevation * 180.0 / kPi, range, dn, de, z, slant, off, allowed,
+              static_cast<double>(span.top_q10) / 1024.0,
+              static_cast<double>(span.bottom_q10) / 1024.0);
         }
       }
     }
@@ -285,14 +284,15 @@ TEST(the_shells_plane_on_slopes_is_at_the_range) {
     // Depth of the plane at the axis' end, from the event's own form.
     const double north = 400.0 + range * u[0];
     const double east = 450.0 + range * u[1];
-    const double depth =
-        (event.depth0_q16 + (north - event.north0 - 0.5) * event.depth_dn_q16 +
-         (east - event.east0 - 0.5) * event.depth_de_q16) / 65536.0;
+    const double depth = (event.depth0_q16 + (north - event.north0 - 0.5) * event.depth_dn_q16 +
+                          (east - event.east0 - 0.5) * event.depth_de_q16) /
+                         65536.0;
     const double error = depth - (30.0 + range * u[2]);
     worst = std::max(worst, std::fabs(error) / range);
     // plane0 is the same plane for the cone.
-    const double again = (static_cast<double>(event.plane0_q16) + (north - 0.5) * event.depth_dn_q16 +
-                          (east - 0.5) * event.depth_de_q16) / 65536.0;
+    const double again = (static_cast<double>(event.plane0_q16) +
+                          (north - 0.5) * event.depth_dn_q16 + (east - 0.5) * event.depth_de_q16) /
+                         65536.0;
     assert_near(again, depth, 0.01);
   }
   print_message("plane at the axis' end: worst error %.2e of the range\n", worst);
@@ -306,8 +306,8 @@ TEST(walls_and_grazing_beams) {
   const Sighting sighting = sighting_at(400.0, 450.0, 300.0, 60.0);
   // Horizontal, upwards and straight up: no bottom can explain the echo.
   for (const double elevation : {0.0, -30.0, -90.0, 10.0}) {
-    const ShellEvent event = make_shell(scale, table, beam_frame({0, 0, 0}, bam(30), bam(elevation), 0),
-                                        sighting, Slope{0, 0});
+    const ShellEvent event = make_shell(
+        scale, table, beam_frame({0, 0, 0}, bam(30), bam(elevation), 0), sighting, Slope{0, 0});
     assert_true(event.wall);
     assert_true(event.north0 <= event.north1 && event.east0 <= event.east1);
     // The box surrounds the end of the axis.
@@ -321,8 +321,8 @@ TEST(walls_and_grazing_beams) {
     assert_true(event.empty_range_q10 > 57 * 1024);
   }
   // A slope that faces the beam explains it again.
-  const ShellEvent slope = make_shell(scale, table, beam_frame({0, 0, 0}, 0, bam(10), 0), sighting,
-                                      Slope{-2 * 4096, 0});
+  const ShellEvent slope =
+      make_shell(scale, table, beam_frame({0, 0, 0}, 0, bam(10), 0), sighting, Slope{-2 * 4096, 0});
   assert_true(!slope.wall);
 }
 
@@ -331,8 +331,7 @@ TEST(steep_slopes_are_limited) {
   const Scale scale = shell_scale();
   const Sighting sighting = sighting_at(400.0, 450.0, 300.0, 60.0);
   const BeamFrame frame = beam_frame({0, 0, 0}, 0, bam(90), 0);
-  const ShellEvent event =
-      make_shell(scale, table, frame, sighting, Slope{30 * 4096, 40 * 4096});
+  const ShellEvent event = make_shell(scale, table, frame, sighting, Slope{30 * 4096, 40 * 4096});
   const double slope = std::hypot(event.depth_dn_q16, event.depth_de_q16) / 65536.0;
   assert_near(slope, 2.5, 0.01);
   assert_near(static_cast<double>(event.depth_de_q16) / event.depth_dn_q16, 4.0 / 3.0, 0.01);

@@ -1,11 +1,10 @@
 // Storage: addressing, tiles, hashes, and that nothing depends on where a tile's page lies.
-#include "model/grid.hpp"
-
 #include <algorithm>
 #include <array>
 #include <utility>
 #include <vector>
 
+#include "model/grid.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -34,7 +33,8 @@ void fill(std::uint64_t stream) {
       Voxel* const voxels = grid.column_voxels(grid.column_index(n, e));
       for (std::int32_t k = 0; k < grid.depth_cells(); ++k) {
         const std::uint64_t bits = random.next();
-        voxels[k] = Voxel{static_cast<std::uint16_t>(bits), static_cast<std::uint16_t>(bits >> 16U)};
+        voxels[k] =
+            Voxel{static_cast<std::uint16_t>(bits), static_cast<std::uint16_t>(bits >> 16U)};
       }
     }
   }

@@ -1,6 +1,4 @@
 // The whole model, ping by ping: what is written, what is not, what is refused.
-#include "model/model.hpp"
-
 #include <algorithm>
 #include <array>
 #include <set>
@@ -9,6 +7,7 @@
 #include <vector>
 
 #include "model/base/fixed.hpp"
+#include "model/model.hpp"
 #include "tests/support/plain_table.hpp"
 #include "tests/support/test.hpp"
 
@@ -152,7 +151,8 @@ std::set<std::array<std::int32_t, 3>> crossed_cells(const Vector& from, const Ve
 Sighting sighting_of(const Pose& pose, const Ping& ping) {
   Sighting sighting{};
   for (int axis = 0; axis < 3; ++axis) {
-    sighting.origin_q16[axis] = static_cast<std::int32_t>((pose.position_um[axis] << 16) / 1'000'000);
+    sighting.origin_q16[axis] =
+        static_cast<std::int32_t>((pose.position_um[axis] << 16) / 1'000'000);
   }
   sighting.range_q16 = static_cast<std::int32_t>((ping.range_um << 16) / 1'000'000);
   return sighting;
@@ -174,7 +174,8 @@ TEST(configuring_refuses_bad_tables_and_budgets) {
   config.cell_mm = 0;
   assert_int_equal(model.configure(config, &table, sizeof(table)), Status::kOutOfRange);
   // After a refusal nothing is accepted.
-  assert_int_equal(model.integrate(ping_along(0, 90, 5), pose_at(16, 16, 0)), PingResult::kNotConfigured);
+  assert_int_equal(model.integrate(ping_along(0, 90, 5), pose_at(16, 16, 0)),
+                   PingResult::kNotConfigured);
   model.extract();
 
   config = plain_config(32, 32, 32);
@@ -191,7 +192,8 @@ TEST(configuring_refuses_bad_tables_and_budgets) {
   // Within the voxels but, with the padding of its tiles, over the storage.
   config = plain_config(16000, 1, 1024);
   assert_int_equal(model.configure(config, &table, sizeof(table)), Status::kOverCapacity);
-  assert_int_equal(model.integrate(ping_along(0, 90, 5), pose_at(16, 16, 0)), PingResult::kNotConfigured);
+  assert_int_equal(model.integrate(ping_along(0, 90, 5), pose_at(16, 16, 0)),
+                   PingResult::kNotConfigured);
 }
 
 TEST(unusable_pings_are_counted_by_reason_and_carve_nothing) {
@@ -253,7 +255,8 @@ TEST(a_minimum_range_of_zero_still_refuses_zero) {
   ModelConfig config = plain_config(16, 16, 16);
   config.min_range_um = 0;
   configure(model, config, plain_table(PlainBeam{}));
-  assert_int_equal(model.integrate(ping_along(0, 90, 0), pose_at(8, 8, 0)), PingResult::kRangeTooShort);
+  assert_int_equal(model.integrate(ping_along(0, 90, 0), pose_at(8, 8, 0)),
+                   PingResult::kRangeTooShort);
 }
 
 TEST(every_result_has_its_own_name) {
@@ -274,9 +277,10 @@ TEST(hits_stand_where_the_beam_ends) {
   struct Case {
     double roll, pitch, heading, az, el;
   };
-  for (const Case c : {Case{0, 0, 0, 0, 90}, Case{0, 20, 0, 0, 90}, Case{20, 0, 0, 0, 90},
-                       Case{0, 20, 90, 0, 90}, Case{20, 0, 90, 0, 90}, Case{0, 0, 45, 90, 60},
-                       Case{0, 0, 45, -90, 60}, Case{5, -8, 200, 30, 70}, Case{-10, 12, 310, 180, 65}}) {
+  for (const Case c :
+       {Case{0, 0, 0, 0, 90}, Case{0, 20, 0, 0, 90}, Case{20, 0, 0, 0, 90}, Case{0, 20, 90, 0, 90},
+        Case{20, 0, 90, 0, 90}, Case{0, 0, 45, 90, 60}, Case{0, 0, 45, -90, 60},
+        Case{5, -8, 200, 30, 70}, Case{-10, 12, 310, 180, 65}}) {
     configure(model, plain_config(96, 96, 48), plain_table(PlainBeam{}));
     pose.attitude = Attitude{bam(c.roll), bam(c.pitch), bam(c.heading)};
     const Ping ping = ping_along(c.az, c.el, 30.0);
@@ -298,7 +302,8 @@ TEST(the_grids_origin_and_cell_size_place_the_voxels) {
   config.origin_mm[2] = -3'000;
   configure(model, config, plain_table(PlainBeam{}));
   // 4 m below the top, 5 m into the grid: cells 20, 20 and, with 3 m of range, 16 + 12.
-  assert_int_equal(model.integrate(ping_along(0, 90, 3.0), pose_at(-995.0, 2005.0, 1.0)), PingResult::kFused);
+  assert_int_equal(model.integrate(ping_along(0, 90, 3.0), pose_at(-995.0, 2005.0, 1.0)),
+                   PingResult::kFused);
   const Blob blob = blob_of_hits(model);
   assert_near(blob.centre[0], 20, 0.1);
   assert_near(blob.centre[1], 20, 0.1);
@@ -317,7 +322,8 @@ TEST(a_thin_beam_touches_every_voxel_that_it_crosses) {
     Pose pose = pose_at(48 * random.uniform(), 48 * random.uniform(), 10 * random.uniform());
     pose.attitude.heading_bam32 = static_cast<Bam32>(random.next());
     // Every tenth beam is exactly vertical or horizontal.
-    const double elevation = trial % 20 == 0 ? 90.0 : (trial % 20 == 10 ? 0.0 : -20.0 + 110.0 * random.uniform());
+    const double elevation =
+        trial % 20 == 0 ? 90.0 : (trial % 20 == 10 ? 0.0 : -20.0 + 110.0 * random.uniform());
     const Ping ping = ping_along(0, elevation, 3.0 + 35.0 * random.uniform());
     assert_int_equal(model.integrate(ping, pose), PingResult::kFused);
 
@@ -352,15 +358,16 @@ TEST(a_thin_beam_touches_every_voxel_that_it_crosses) {
                             (centre[2] - from[2]) * (centre[2] - from[2]) - slant * slant;
         // Crossed at its very corner, where the thickened cone's weight runs out.
         if (off2 < 0.83 * 0.83) {
-          fail_msg("trial %d, elevation %g: voxel (%d, %d, %d) was crossed %g cells off its centre at "
-                   "%g of %g and not touched",
-                   trial, elevation, cell[0], cell[1], cell[2], std::sqrt(off2), slant, range);
+          fail_msg(
+              "trial %d, elevation %g: voxel (%d, %d, %d) was crossed %g cells off its centre at "
+              "%g of %g and not touched",
+              trial, elevation, cell[0], cell[1], cell[2], std::sqrt(off2), slant, range);
         }
       }
     }
   }
-  print_message("%d voxels crossed before the shell, %d of them at a corner and not touched\n", crossed,
-                missed);
+  print_message("%d voxels crossed before the shell, %d of them at a corner and not touched\n",
+                crossed, missed);
   assert_true(crossed > 30'000);
   assert_true(missed * 1000 < crossed);
 }
@@ -378,16 +385,20 @@ TEST(nothing_behind_the_shell_is_written) {
     config.rule = trial % 2 == 0 ? Rule::kLogOdds : Rule::kWeightedMean;
     configure(model, config, table);
     Pose pose = pose_at(64 * random.uniform(), 64 * random.uniform(), 8 * random.uniform());
-    pose.attitude = Attitude{bam(8 * random.normal()), bam(8 * random.normal()), static_cast<Bam32>(random.next())};
-    const double elevation = trial % 3 == 0 ? 30.0 * random.uniform() - 20.0 : 30.0 + 60.0 * random.uniform();
-    const Ping ping = ping_along(360.0 * random.uniform(), elevation, 4.0 + 30.0 * random.uniform());
+    pose.attitude = Attitude{bam(8 * random.normal()), bam(8 * random.normal()),
+                             static_cast<Bam32>(random.next())};
+    const double elevation =
+        trial % 3 == 0 ? 30.0 * random.uniform() - 20.0 : 30.0 + 60.0 * random.uniform();
+    const Ping ping =
+        ping_along(360.0 * random.uniform(), elevation, 4.0 + 30.0 * random.uniform());
     assert_int_equal(model.integrate(ping, pose), PingResult::kFused);
 
     const double range = static_cast<double>(ping.range_um) * 1e-6;
     const Vector from = metres(pose);
     const Vector u = beam_vector(pose, ping);
     const BeamFrame frame = beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32, 0);
-    const ShellEvent shell = make_shell(model.scale(), table, frame, sighting_of(pose, ping), Slope{0, 0});
+    const ShellEvent shell =
+        make_shell(model.scale(), table, frame, sighting_of(pose, ping), Slope{0, 0});
     const double reach = kernel_reach_q16(shell.level) / 65536.0;
     for (const Touched& at : touched(model)) {
       ++written;
@@ -404,8 +415,8 @@ TEST(nothing_behind_the_shell_is_written) {
         }
         continue;
       }
-      const double slant =
-          (centre[0] - from[0]) * u[0] + (centre[1] - from[1]) * u[1] + (centre[2] - from[2]) * u[2];
+      const double slant = (centre[0] - from[0]) * u[0] + (centre[1] - from[1]) * u[1] +
+                           (centre[2] - from[2]) * u[2];
       const double sigma = std::hypot(beam.sigma_range_um * 1e-6, std::sqrt(0.5));
       // Cut of the radial blur, and the vertical kernel tilted against the beam.
       const double limit = range + 2.2 * sigma + 0.9 + reach * std::fabs(u[2]);
@@ -421,8 +432,9 @@ TEST(nothing_behind_the_shell_is_written) {
 
 TEST(a_grid_that_is_part_of_another_gets_its_part) {
   // The same ping into a grid and into a window of it: the window's voxels agree, wherever the event or
-  // the vehicle is, inside or outside. Dither depends on the column's number, so that each half may
-  // round differently: one unit. Empty evidence is weighted per run of voxels, which begin elsewhere.
+  // the vehicle is, inside or outside. Dither follows the place in the grid, so that each half may
+  // round differently: one unit. Empty evidence has one weight per run of voxels, and runs begin at the
+  // grid's edge: there only what is touched and the sum can agree.
   const ModelConfig whole = plain_config(64, 64, 40);
   ModelConfig part = plain_config(24, 20, 16);
   constexpr std::int32_t kNorth = 20;
@@ -435,43 +447,60 @@ TEST(a_grid_that_is_part_of_another_gets_its_part) {
   Random random(3);
   int compared = 0;
   int outside = 0;
-  int worst_miss = 0;
+  double worst_ratio = 1.0;
   for (int trial = 0; trial < 400; ++trial) {
     configure(model, whole, table);
     configure(other, part, table);
-    Pose pose = pose_at(84 * random.uniform() - 10, 84 * random.uniform() - 10, 20 * random.uniform() - 5);
-    pose.attitude.heading_bam32 = static_cast<Bam32>(random.next());
-    const Ping ping = ping_along(0, trial % 4 == 0 ? 60 * random.uniform() - 30 : 90 * random.uniform(),
-                                 5.0 + 30.0 * random.uniform());
+    const Pose pose =
+        pose_at(84 * random.uniform() - 10, 84 * random.uniform() - 10, 50 * random.uniform() - 5);
+    // Towards a point in the window or somewhat beside it.
+    const Vector from = metres(pose);
+    const double dn = kNorth - 3 + 30 * random.uniform() - from[0];
+    const double de = kEast - 3 + 26 * random.uniform() - from[1];
+    const double dd = kDown - 3 + 22 * random.uniform() - from[2];
+    const double level = std::hypot(dn, de);
+    const double degrees = 180.0 / 3.14159265358979323846;
+    const Ping ping = ping_along(std::atan2(de, dn) * degrees, std::atan2(dd, level) * degrees,
+                                 std::hypot(level, dd) * (0.7 + 0.6 * random.uniform()) + 0.2);
     assert_int_equal(model.integrate(ping, pose), PingResult::kFused);
     assert_int_equal(other.integrate(ping, pose), PingResult::kFused);
-    const bool vehicle_outside = pose.position_um[0] < kNorth * 1'000'000 ||
-                                 pose.position_um[2] < kDown * 1'000'000;
+    const bool vehicle_outside =
+        pose.position_um[0] < kNorth * 1'000'000 || pose.position_um[2] < kDown * 1'000'000;
+    double miss_whole = 0.0;
+    double miss_part = 0.0;
     bool any = false;
     for (std::int32_t n = 0; n < 24; ++n) {
       for (std::int32_t e = 0; e < 20; ++e) {
-        const Voxel* const a = model.grid().column_voxels(model.grid().column_index(n + kNorth, e + kEast)) + kDown;
+        const Voxel* const a =
+            model.grid().column_voxels(model.grid().column_index(n + kNorth, e + kEast)) + kDown;
         const Voxel* const b = other.grid().column_voxels(other.grid().column_index(n, e));
         for (std::int32_t k = 0; k < 16; ++k) {
-          if (std::abs(a[k].hit - b[k].hit) > 1) {
-            fail_msg("trial %d (%d %d %d): hit %d in the whole, %d in the part", trial, n, e, k, a[k].hit,
-                     b[k].hit);
+          const bool hits_agree = std::abs(a[k].hit - b[k].hit) <= 1;
+          // Weights of whole units are written whatever the dither.
+          const bool touch_agrees =
+              (a[k].miss < 40 || b[k].miss > 0) && (b[k].miss < 40 || a[k].miss > 0);
+          if (!hits_agree || !touch_agrees) {
+            fail_msg("trial %d (%d %d %d): %d/%d in the whole, %d/%d in the part", trial, n, e, k,
+                     a[k].hit, a[k].miss, b[k].hit, b[k].miss);
           }
-          const int miss = std::abs(a[k].miss - b[k].miss);
-          worst_miss = std::max(worst_miss, miss);
-          if (miss > 1 + a[k].miss / 3 + 4) {
-            fail_msg("trial %d (%d %d %d): miss %d in the whole, %d in the part", trial, n, e, k, a[k].miss,
-                     b[k].miss);
-          }
+          miss_whole += a[k].miss;
+          miss_part += b[k].miss;
           any = any || b[k].hit != 0 || b[k].miss != 0;
           compared += a[k].hit != 0 || a[k].miss != 0 ? 1 : 0;
         }
       }
     }
     outside += any && vehicle_outside ? 1 : 0;
+    if (miss_whole > 2000) {
+      worst_ratio = std::max(
+          worst_ratio, std::max(miss_part / miss_whole, miss_whole / std::max(miss_part, 1.0)));
+    }
   }
-  print_message("%d voxels compared, miss differs by at most %d; %d vehicles outside mapped into the part\n",
-                compared, worst_miss, outside);
+  print_message(
+      "%d voxels compared, sums of miss within a factor %.2f; %d vehicles outside mapped into the "
+      "part\n",
+      compared, worst_ratio, outside);
+  assert_true(worst_ratio < 1.5);
   assert_true(compared > 20'000);
   assert_true(outside > 100);
 }
@@ -490,7 +519,8 @@ TEST(a_vehicle_far_outside_maps_into_the_grid) {
   assert_near(blob.centre[2], 20, 0.1);
   // And past it: the cone alone crosses the grid, nothing is hit.
   configure(model, config, plain_table(PlainBeam{}));
-  assert_int_equal(model.integrate(ping_along(0, 53.13010235415598, 250.0), pose), PingResult::kFused);
+  assert_int_equal(model.integrate(ping_along(0, 53.13010235415598, 250.0), pose),
+                   PingResult::kFused);
   assert_near(blob_of_hits(model).mass, 0, 0);
   assert_true(touched(model).size() > 300);
   // Looking away: nothing at all.
@@ -542,16 +572,18 @@ TEST(empty_evidence_fades_with_range) {
     config.rule = rule;
     configure(model, config, plain_table(thin_beam()));
     for (int ping = 0; ping < 64; ++ping) {
-      assert_int_equal(model.integrate(ping_along(0, 90, 195), pose_at(16.5, 16.5, 0)), PingResult::kFused);
+      assert_int_equal(model.integrate(ping_along(0, 90, 195), pose_at(16.5, 16.5, 0)),
+                       PingResult::kFused);
     }
     const Voxel* const axis = model.grid().column_voxels(model.grid().column_index(16, 16));
     const auto net = [axis](std::int32_t k) { return axis[k].miss - axis[k].hit; };
     assert_true(net(8) > 0);
-    for (std::int32_t k = 24; k < 184; k += 16) {
-      assert_true(net(k) < net(k - 16));
+    // In steps longer than the runs of voxels that share one weight.
+    for (std::int32_t k = 40; k < 192; k += 32) {
+      assert_true(net(k) < net(k - 32));
     }
-    // Beyond the last 64th of the maximum range: hardly any.
-    assert_true(net(184) < net(8) / 10);
+    // Near the maximum range: hardly any.
+    assert_true(net(190) < net(8) / 10);
   }
 }
 
@@ -635,7 +667,8 @@ TEST(walls_are_written_upright) {
   assert_true(before[20].miss > 0 && before[20].hit == 0);
   // Straight up (the surface, or ice).
   configure(model, plain_config(64, 64, 40), plain_table(PlainBeam{}));
-  assert_int_equal(model.integrate(ping_along(0, -90, 20), pose_at(32, 32, 35)), PingResult::kFused);
+  assert_int_equal(model.integrate(ping_along(0, -90, 20), pose_at(32, 32, 35)),
+                   PingResult::kFused);
   assert_near(blob_of_hits(model).centre[2], 15, 0.5);
   const Voxel* const above = model.grid().column_voxels(model.grid().column_index(32, 32));
   assert_true(above[25].miss > 0);
@@ -655,7 +688,8 @@ Survey survey(std::uint64_t stream, int count, double north, double east) {
   for (int i = 0; i < count; ++i) {
     Pose pose = pose_at(north * random.uniform(), east * random.uniform(), 0.5);
     pose.t_us = i * 100'000LL;
-    pose.attitude = Attitude{bam(3 * random.normal()), bam(3 * random.normal()), static_cast<Bam32>(random.next())};
+    pose.attitude = Attitude{bam(3 * random.normal()), bam(3 * random.normal()),
+                             static_cast<Bam32>(random.next())};
     Ping ping = ping_along(0, 90, 0);
     const Vector u = beam_vector(pose, ping);
     // Intersection with the bottom along the axis, by iteration.
@@ -768,7 +802,8 @@ TEST(a_survey_reads_its_bottom) {
     config.rule = rule;
     configure(model, config, table);
     run(model, data);
-    for (const DepthMethod method : {DepthMethod::kRobustMoment, DepthMethod::kFirstMoment, DepthMethod::kUpperCrossing}) {
+    for (const DepthMethod method :
+         {DepthMethod::kRobustMoment, DepthMethod::kFirstMoment, DepthMethod::kUpperCrossing}) {
       model.extract(method);
       double squares = 0.0;
       int known = 0;
@@ -786,8 +821,8 @@ TEST(a_survey_reads_its_bottom) {
         }
       }
       const double rmse = std::sqrt(squares / std::max(known, 1));
-      print_message("rule %d, method %d: %d of 1600 columns, rmse %.3f cells\n", static_cast<int>(rule),
-                    static_cast<int>(method), known, rmse);
+      print_message("rule %d, method %d: %d of 1600 columns, rmse %.3f cells\n",
+                    static_cast<int>(rule), static_cast<int>(method), known, rmse);
       assert_true(method != DepthMethod::kRobustMoment || (rmse < 0.25 && known == 1600));
     }
   }
@@ -813,7 +848,8 @@ TEST(columns_near_saturation_are_rescaled_and_keep_their_depth) {
   Random random(7);
   for (int i = 0; i < 40'000; ++i) {
     const Pose pose = pose_at(9.0 + 2.0 * random.uniform(), 9.0 + 2.0 * random.uniform(), 1.0);
-    assert_int_equal(model.integrate(ping_along(0, 90, 20.25 + 0.5 * random.normal()), pose), PingResult::kFused);
+    assert_int_equal(model.integrate(ping_along(0, 90, 20.25 + 0.5 * random.normal()), pose),
+                     PingResult::kFused);
   }
   assert_true(model.counters().columns_rescaled > 0);
   model.extract();
@@ -852,8 +888,10 @@ TEST(two_surfaces_in_a_column_are_flagged) {
   configure(model, plain_config(32, 32, 40), plain_table(PlainBeam{}));
   for (int i = 0; i < 200; ++i) {
     // A deck seen from above and, from below it, the bottom: the second pings start under the deck.
-    assert_int_equal(model.integrate(ping_along(0, 90, 10), pose_at(16, 16, 1)), PingResult::kFused);
-    assert_int_equal(model.integrate(ping_along(0, 90, 15), pose_at(16, 16, 18)), PingResult::kFused);
+    assert_int_equal(model.integrate(ping_along(0, 90, 10), pose_at(16, 16, 1)),
+                     PingResult::kFused);
+    assert_int_equal(model.integrate(ping_along(0, 90, 15), pose_at(16, 16, 18)),
+                     PingResult::kFused);
   }
   model.extract();
   assert_true(model.multi_surface(16, 16));
@@ -899,9 +937,10 @@ TEST(odd_grids_are_no_special_case) {
   // Lines, single columns, single layers: pings over them fuse, extraction stands.
   const LocalizationTable table = plain_table(PlainBeam{});
   const Survey data = survey(9, 300, 20, 20);
-  for (const auto& size : {std::array<std::int32_t, 3>{1, 1, 40}, std::array<std::int32_t, 3>{1, 20, 40},
-                           std::array<std::int32_t, 3>{20, 1, 40}, std::array<std::int32_t, 3>{20, 20, 1},
-                           std::array<std::int32_t, 3>{1, 1, 1}, std::array<std::int32_t, 3>{2, 3, 1024}}) {
+  for (const auto& size :
+       {std::array<std::int32_t, 3>{1, 1, 40}, std::array<std::int32_t, 3>{1, 20, 40},
+        std::array<std::int32_t, 3>{20, 1, 40}, std::array<std::int32_t, 3>{20, 20, 1},
+        std::array<std::int32_t, 3>{1, 1, 1}, std::array<std::int32_t, 3>{2, 3, 1024}}) {
     ModelConfig config = plain_config(size[0], size[1], size[2]);
     configure(model, config, table);
     run(model, data);
@@ -944,7 +983,8 @@ TEST(random_pings_of_any_kind_break_nothing) {
       pose.attitude = Attitude{static_cast<Bam32>(random.next()), static_cast<Bam32>(random.next()),
                                static_cast<Bam32>(random.next())};
       for (std::uint32_t& sigma : pose.covariance.sigma_position_mm) {
-        sigma = static_cast<std::uint32_t>(random.next() >> static_cast<unsigned>(random.between(40, 63)));
+        sigma = static_cast<std::uint32_t>(random.next() >>
+                                           static_cast<unsigned>(random.between(40, 63)));
       }
       Ping ping{};
       ping.azimuth_bam32 = static_cast<Bam32>(random.next());
