@@ -54,7 +54,8 @@ STD_HEADERS = {
     "utility",
 }
 # Folder -> further headers.
-STD_HEADERS_EXTRA = {"estimator": {"cmath"}, "model/base": {"atomic"}}  # atomic: the SPSC ring
+# atomic: the single-producer ring.
+STD_HEADERS_EXTRA = {"estimator": {"cmath"}, "model/base": {"atomic"}}
 # Intrinsics only in files whose name says so: the portable form stays readable beside them.
 KERNEL_FILE = re.compile(r"(^|_)kernels?(_[a-z0-9]+)?\.(cpp|hpp)$")
 KERNEL_HEADERS = {
@@ -219,7 +220,7 @@ class Checker:
                             f"(allowed: {', '.join(allowed)})")
             return
         if vehicle_room:
-            extra = STD_HEADERS_EXTRA.get(vehicle_room, set())
+            extra = STD_HEADERS_EXTRA.get(vehicle_room, set()) | STD_HEADERS_EXTRA.get(arrow_room, set())
             if target in STD_HEADERS or target in extra:
                 return
             if target in KERNEL_HEADERS:
