@@ -11,6 +11,9 @@ using base::max_of;
 using base::min_of;
 
 constexpr int kIterations = 3;
+// Width of the window, however narrow or wide the run is: 3 and 64 cells.
+constexpr std::int64_t kNarrowest_q8 = 768;
+constexpr std::int64_t kWidest_q8 = 16384;
 constexpr std::int64_t kSettled_q8 = 8;  // a move below 1/32 cell ends the iteration
 
 // S in Q8, unknown = 128.
@@ -97,7 +100,7 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
   const std::int64_t mean_q8 = moment1 * 256 / total;
   const std::int64_t variance_q16 = max_of<std::int64_t>(0, moment2 * 65536 / total - mean_q8 * mean_q8);
   const std::int64_t sigma_q8 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16));
-  const std::int64_t wide_q8 = clamp<std::int64_t>((sigma_q8 * 7) >> 1, 3 * 256, 64 * 256);
+  const std::int64_t wide_q8 = clamp<std::int64_t>((sigma_q8 * 7) >> 1, kNarrowest_q8, kWidest_q8);
 
   std::int64_t estimate_q8 = 256 * peak_k + 128 + mean_q8;
   const std::int64_t bottom_q8 = 256 * static_cast<std::int64_t>(depth_cells);

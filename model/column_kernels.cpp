@@ -89,9 +89,19 @@ inline __m128i lane_mask(std::int32_t count) {
   return _mm_cmpgt_epi32(_mm_set1_epi32(count), _mm_set_epi32(3, 2, 1, 0));
 }
 
+// Unaligned; __m128i may alias anything, and the casts through void* are how the intrinsics want it.
+inline __m128i load(const void* address) {
+  return _mm_loadu_si128(static_cast<const __m128i*>(address));
+}
+inline __m128i load_low(const void* address) {
+  return _mm_loadl_epi64(static_cast<const __m128i*>(address));
+}
+inline void store(void* address, __m128i value) {
+  _mm_storeu_si128(static_cast<__m128i*>(address), value);
+}
+
 inline void accumulate(Voxel* voxels, __m128i increment) {
-  auto* address = reinterpret_cast<__m128i*>(voxels);
-  _mm_storeu_si128(address, _mm_adds_epu16(_mm_loadu_si128(address), increment));
+  store(voxels, _mm_adds_epu16(load(voxels), increment));
 }
 
 // Hit (or miss) halves of eight voxels as 16-bit lanes: sign-extended so that packing keeps the bits.
@@ -100,13 +110,6 @@ inline __m128i low_halves(__m128i a, __m128i b) {
 }
 inline __m128i high_halves(__m128i a, __m128i b) {
   return _mm_packs_epi32(_mm_srai_epi32(a, 16), _mm_srai_epi32(b, 16));
-}
-
-inline __m128i load(const void* address) {
-  return _mm_loadu_si128(reinterpret_cast<const __m128i*>(address));
-}
-inline void store(void* address, __m128i value) {
-  _mm_storeu_si128(reinterpret_cast<__m128i*>(address), value);
 }
 
 }  // namespace
@@ -123,7 +126,7 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
     const __m128i b = load(voxels + k + 4);
     const __m128i hit = low_halves(a, b);
     const __m128i miss = high_halves(a, b);
-    __m128i value = zero;
+    __m128i value;
     if (log_odds) {
       const __m128i twice = _mm_adds_epu16(hit, hit);
       const __m128i over = _mm_subs_epu16(miss, _mm_adds_epu16(twice, twice));
@@ -134,7 +137,7 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
     if (k + 8 > depth_cells) {
       // The next column's voxels do not belong here.
       const __m128i lanes = _mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0);
-      value = _mm_and_si128(value, _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<short>(depth_cells - k)), lanes));
+      value = _mm_and_si128(value, _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<std::int16_t>(depth_cells - k)), lanes));
     }
     store(evidence + k, value);
     any = _mm_or_si128(any, value);
@@ -161,7 +164,7 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
     __m128i value = _mm_add_epi16(_mm_add_epi16(near, near), _mm_add_epi16(centre, _mm_add_epi16(at(-2), at(2))));
     if (k + 8 > depth_cells) {
       const __m128i lanes = _mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0);
-      value = _mm_and_si128(value, _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<short>(depth_cells - k)), lanes));
+      value = _mm_and_si128(value, _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<std::int16_t>(depth_cells - k)), lanes));
     }
     store(smoothed + k, value);
     peak = _mm_max_epi16(peak, value);
@@ -182,7 +185,7 @@ void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count, std:
   __m128i lanes = dither_lanes(dither_base, first);
   for (std::int32_t i = 0; i < count; i += 4) {
     const __m128i tap = _mm_unpacklo_epi16(
-        _mm_loadl_epi64(reinterpret_cast<const __m128i*>(taps + i)), _mm_setzero_si128());
+        load_low(taps + i), _mm_setzero_si128());
     const __m128i dither = _mm_srli_epi32(lanes, 10);
     const __m128i hit =
         _mm_srli_epi32(_mm_add_epi32(_mm_madd_epi16(tap, hit_weight), dither), 22);

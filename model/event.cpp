@@ -167,9 +167,9 @@ std::uint8_t profile_class(std::int64_t beam_q12, std::int64_t total_q12) {
 }
 
 std::uint32_t event_weight_q7(std::int64_t min_variance_q12, std::int64_t variance_q12) {
-  // 255 units for the best ping that the configuration allows, in proportion to information.
-  return static_cast<std::uint32_t>(
-      min_of<std::int64_t>(255 * 128, 255 * 128 * min_variance_q12 / variance_q12));
+  // 255 units, Q7, for the best ping that the configuration allows, in proportion to information.
+  constexpr std::int64_t kBest_q7 = 32640;
+  return static_cast<std::uint32_t>(min_of(kBest_q7, kBest_q7 * min_variance_q12 / variance_q12));
 }
 
 std::uint16_t saturate_q8(std::int64_t variance_q12) {
@@ -300,8 +300,12 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
           (rise_q12 * hn) >> 10, (rise_q12 * he) >> 10);
     const auto radial_sigma_q12 = static_cast<std::int64_t>(
         sqrt_u64(static_cast<std::uint64_t>(c11) << 12U));
-    event.empty_range_q10 =
-        static_cast<std::int32_t>(max_of<std::int64_t>(0, (range >> 6) - (radial_sigma_q12 >> 1)));
+    // Two radial deviations before a standing shell; before one that the beam meets from above or below,
+    // the reach of its kernel.
+    const std::int64_t uz_abs = uz < 0 ? -uz : uz;
+    const std::int64_t clearance_q10 = max_of(mul_shift(radial_sigma_q12 >> 1, horizontal_q30, 30),
+                                              mul_shift(kernel_reach_q16(event.level) >> 6, uz_abs, 30));
+    event.empty_range_q10 = static_cast<std::int32_t>(max_of<std::int64_t>(0, (range >> 6) - clearance_q10));
     return event;
   }
 
@@ -421,6 +425,7 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   cone.a_q30 = mul_shift(cone.horizontal_q30, cone.horizontal_q30, 30) -
                mul_shift(growth_down_q30, growth_down_q30, 30);
   // 1/4096: a flatter axis leaves its end upright, which over a radius of 40 cells is a hundredth of one.
+  cone.inverse_a_q16 = cone.a_q30 > -(1 << 20) && cone.a_q30 < (1 << 20) ? 0 : (1LL << 46) / cone.a_q30;
   constexpr std::int64_t kLevel_q30 = 1 << 18;
   cone.inverse_down_q12 =
       cone.down_q30 > kLevel_q30 || cone.down_q30 < -kLevel_q30 ? (1LL << 42) / cone.down_q30 : 0;
@@ -454,9 +459,10 @@ ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
   const std::int64_t q_q20 = b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20;
   const std::int64_t one_q10 = q_q20 == 0 ? 0 : clamp(c_q20 * (1 << 10) / q_q20, -kFar_q10, kFar_q10);
   const std::int64_t other_sign = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
+  // |q| < 2^33 (8000 cells), 1/A < 2^26: the product stays below 2^59.
   const std::int64_t other_q10 =
-      cone.a_q30 > -16 && cone.a_q30 < 16 ? other_sign
-                                          : clamp(q_q20 * (1 << 20) / cone.a_q30, -kFar_q10, kFar_q10);
+      cone.inverse_a_q16 == 0 ? other_sign
+                              : clamp(mul_shift(q_q20, cone.inverse_a_q16, 26), -kFar_q10, kFar_q10);
   ColumnSpan span{min_of(one_q10, other_q10), max_of(one_q10, other_q10)};
   if (cone.a_q30 < 0) {
     // The vertical runs inside the opening: forward of the farther root only.

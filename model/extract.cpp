@@ -281,7 +281,7 @@ void Model::assess_column(std::int32_t n, std::int32_t e) {
       ++regional_count;
     }
   }
-  near_q24 /= 2 * max_of(1, near_count - 1);
+  near_q24 /= 2 * max_of<std::int64_t>(1, near_count - 1);
   const std::int64_t apart_n = slope.north_q12 - regional_n / regional_count;
   const std::int64_t apart_e = slope.east_q12 - regional_e / regional_count;
   const std::int64_t regional_q24 = apart_n * apart_n + apart_e * apart_e;

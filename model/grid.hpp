@@ -37,7 +37,7 @@ struct ColumnRecord {
   std::uint32_t last_touch_ds;   ///< age: time of the last event, 0.1 s, low 32 bits of t_us / 1e5
   std::uint16_t blur_q8;         ///< running mean of the events' lateral variance, cells^2
   std::uint8_t flags;            ///< ColumnFlags
-  std::uint8_t reserved;         ///< zero
+  std::uint8_t slope_weight_q4;  ///< weight of `depth_q8` in the slope feedback, information per cell^2
 };
 static_assert(sizeof(ColumnRecord) == 20, "side record per column");
 
@@ -59,6 +59,7 @@ struct TileRecord {
 
 /// Static storage and index arithmetic. One instance owns everything; not copyable. All functions are
 /// O(1) unless stated. Not thread-safe.
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): configure() clears what it lays out
 class Grid {
  public:
   Grid() = default;

@@ -22,9 +22,8 @@ constexpr std::uint32_t kColumnDither = 0x85EBCA6BU;
 constexpr std::uint32_t kRescaleMass = kRescaleAbove;
 // Voxels of a column that share one weight of empty evidence.
 constexpr std::int64_t kRun = 24;
-// A column is read again for the slope once its evidence has grown fourfold (twofold and fivefold
-// give the same accuracy within 0.3 %, DESIGN.md).
-constexpr std::uint32_t kRegrowth = 4;
+// A column is read again for the slope once its evidence has doubled.
+constexpr std::uint32_t kRegrowth = 2;
 // The slope's columns stand this many lateral standard deviations apart.
 constexpr std::int64_t kSlopeStride = 2;
 // Prior of the slope: as if a flat bottom had been seen with this weight (1 / 0.5^2 per cell^2).
@@ -44,6 +43,180 @@ std::uint32_t beam_entry(std::int64_t off2_q20, std::int64_t half_width_q10) {
   const auto dividend = static_cast<std::uint32_t>(min_of<std::int64_t>(off2_q20 >> 4, UINT32_MAX));
   const auto divisor = static_cast<std::uint32_t>(min_of<std::int64_t>(per_entry, UINT32_MAX));
   return min_of<std::uint32_t>(dividend / divisor, kBeamWeightSteps);
+}
+
+// Cells first .. last; none when last < first.
+struct CellRange {
+  std::int64_t first;
+  std::int64_t last;
+};
+
+// Cells of [0, cells) whose centres lie between two offsets from the grid's corner.
+CellRange cells_between(std::int64_t low_q10, std::int64_t high_q10, std::int64_t cells) {
+  return CellRange{max_of<std::int64_t>(0, (low_q10 + 511) >> 10),
+                   min_of<std::int64_t>(cells - 1, (high_q10 - 512) >> 10)};
+}
+
+// The cone of one ping with what its rows and columns have in common.
+struct Frustum {
+  Cone cone;
+  std::int64_t origin_q10[3];  // transducer, from the grid's corner
+  std::int64_t tip_q10[2];     // far end of the axis, from the transducer
+  std::int64_t reach_q10;      // how far the cone extends along its heading
+  bool two_axis;
+  std::int64_t grow_along_q20;  // openings, two-axis tables only
+  std::int64_t grow_across_q20;
+  // Seen from above the cone is a band |y| <= radius: a row cuts it between (he dn +- radius) / hn.
+  bool banded;
+  std::int64_t band_slope_q20;
+  std::int64_t band_half_q10;
+};
+
+Frustum make_frustum(const Scale& scale, const LocalizationTable& table, const BeamFrame& frame,
+                     const Sighting& sighting, std::int32_t range_q10) {
+  Frustum out{};
+  out.cone = make_cone(scale, frame.axis, range_q10);
+  for (int axis = 0; axis < 3; ++axis) {
+    out.origin_q10[axis] = sighting.origin_q16[axis] >> 6;
+  }
+  out.tip_q10[0] = mul_shift(range_q10, frame.axis.q30[0], 30);
+  out.tip_q10[1] = mul_shift(range_q10, frame.axis.q30[1], 30);
+  out.reach_q10 = mul_shift(out.cone.horizontal_q30, range_q10, 30) + out.cone.radius_q10;
+  out.two_axis = table.two_axis != 0;
+  if (out.two_axis) {
+    out.grow_along_q20 = cone_growth_q20(scale.tan_along_q20, range_q10);
+    out.grow_across_q20 = cone_growth_q20(scale.tan_across_q20, range_q10);
+  }
+  const std::int64_t hn = out.cone.heading_north_q20;
+  out.banded = hn > (1 << 16) || hn < -(1 << 16);
+  if (out.banded) {
+    out.band_slope_q20 = out.cone.heading_east_q20 * (1 << 20) / hn;
+    out.band_half_q10 = (out.cone.radius_q10 << 20) / (hn < 0 ? -hn : hn);
+  }
+  return out;
+}
+
+// Rows that the cone may cross.
+CellRange frustum_rows(const Frustum& frustum, std::int64_t cells) {
+  const std::int64_t origin = frustum.origin_q10[0];
+  const std::int64_t tip = frustum.tip_q10[0];
+  const std::int64_t radius = frustum.cone.radius_q10;
+  return cells_between(origin + min_of<std::int64_t>(tip, 0) - radius,
+                       origin + max_of<std::int64_t>(tip, 0) + radius, cells);
+}
+
+// Columns that it may cross in the row `dn` north of the transducer.
+CellRange frustum_row(const Frustum& frustum, std::int64_t dn, std::int64_t cells) {
+  const std::int64_t tip = frustum.tip_q10[1];
+  const std::int64_t radius = frustum.cone.radius_q10;
+  std::int64_t low = min_of<std::int64_t>(tip, 0) - radius;
+  std::int64_t high = max_of<std::int64_t>(tip, 0) + radius;
+  if (frustum.banded) {
+    const std::int64_t middle = mul_shift(frustum.band_slope_q20, dn, 20);
+    low = max_of(low, middle - frustum.band_half_q10);
+    high = min_of(high, middle + frustum.band_half_q10);
+  }
+  return cells_between(frustum.origin_q10[1] + low, frustum.origin_q10[1] + high, cells);
+}
+
+// Where a column stands from the transducer, Q10: north and east, and along the heading and across it.
+struct ColumnOffset {
+  std::int64_t dn;
+  std::int64_t de;
+  std::int64_t x;
+  std::int64_t y;
+};
+
+ColumnOffset column_offset(const Frustum& frustum, std::int64_t dn, std::int64_t de) {
+  const std::int64_t hn = frustum.cone.heading_north_q20;
+  const std::int64_t he = frustum.cone.heading_east_q20;
+  return ColumnOffset{dn, de, (hn * dn + he * de) >> 20, (hn * de - he * dn) >> 20};
+}
+
+// Keeps the part of `span` where coefficient * z <= room.
+void limit_span(ColumnSpan& span, std::int64_t coefficient_q30, std::int64_t room_q10) {
+  constexpr std::int64_t kFar_q10 = 1LL << 26;
+  if (coefficient_q30 == 0) {
+    span.bottom_q10 = room_q10 < 0 ? span.top_q10 - 1 : span.bottom_q10;
+    return;
+  }
+  // |room| < 2^26: 32000 cells.
+  const std::int64_t limit_q10 = clamp<std::int64_t>(room_q10 * (1LL << 30) / coefficient_q30, -kFar_q10, kFar_q10);
+  if (coefficient_q30 > 0) {
+    span.bottom_q10 = min_of(span.bottom_q10, limit_q10);
+  } else {
+    span.top_q10 = max_of(span.top_q10, limit_q10);
+  }
+}
+
+// Inside the wider axis' circle, what one axis of a two-axis beam holds:
+// |a0 + a z| <= kTouch + g (p + s z).
+void limit_to_axis(ColumnSpan& span, const Frustum& frustum, const ColumnOffset& offset,
+                   const Direction& side, std::int64_t growth_q20) {
+  const std::int64_t p_q10 = (frustum.cone.horizontal_q30 * offset.x) >> 30;
+  const std::int64_t a0_q10 = (side.q30[0] * offset.dn + side.q30[1] * offset.de) >> 30;
+  const std::int64_t room_q10 = kTouch_q10 + mul_shift(growth_q20, p_q10, 20);
+  const std::int64_t widening_q30 = mul_shift(growth_q20, frustum.cone.down_q30, 20);
+  limit_span(span, side.q30[2] - widening_q30, room_q10 - a0_q10);
+  limit_span(span, -side.q30[2] - widening_q30, room_q10 + a0_q10);
+}
+
+// Voxels of a column of `cells` whose centres lie inside the cone.
+CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame, const ColumnOffset& offset,
+                         std::int64_t cells) {
+  const std::int64_t radius = frustum.cone.radius_q10;
+  if (offset.y > radius || offset.y < -radius || offset.x < -radius || offset.x > frustum.reach_q10) {
+    return CellRange{0, -1};
+  }
+  ColumnSpan span = cone_span(frustum.cone, offset.x, offset.y);
+  if (frustum.two_axis) {
+    limit_to_axis(span, frustum, offset, frame.along, frustum.grow_along_q20);
+    limit_to_axis(span, frustum, offset, frame.across, frustum.grow_across_q20);
+  }
+  return cells_between(span.top_q10 + frustum.origin_q10[2], span.bottom_q10 + frustum.origin_q10[2],
+                       cells);
+}
+
+// Distance along the axis of the point `z` below the transducer.
+std::int64_t frustum_slant(const Frustum& frustum, const ColumnOffset& offset, std::int64_t z) {
+  return max_of<std::int64_t>(
+      0, (frustum.cone.horizontal_q30 * offset.x + frustum.cone.down_q30 * z) >> 30);
+}
+
+// Two-way pattern towards that point, Q15; -1 outside the footprint of a two-axis table, whose cone is
+// round and holds more than the beam.
+std::int32_t frustum_weight_q15(const Frustum& frustum, const LocalizationTable& table,
+                                const BeamFrame& frame, const ColumnOffset& offset, std::int64_t z,
+                                std::int64_t slant) {
+  if (!frustum.two_axis) {
+    const std::int64_t off = (frustum.cone.down_q30 * offset.x - frustum.cone.horizontal_q30 * z) >> 30;
+    const std::int64_t half_width = kTouch_q10 + mul_shift(frustum.cone.growth_q20, slant, 20);
+    return table.beam_weight_q15[0][beam_entry(off * off + offset.y * offset.y, half_width)];
+  }
+  const auto component = [&](const Direction& side) {
+    return (side.q30[0] * offset.dn + side.q30[1] * offset.de + side.q30[2] * z) >> 30;
+  };
+  const std::int64_t along = component(frame.along);
+  const std::int64_t across = component(frame.across);
+  const std::uint32_t entry_a =
+      beam_entry(along * along, kTouch_q10 + mul_shift(frustum.grow_along_q20, slant, 20));
+  const std::uint32_t entry_b =
+      beam_entry(across * across, kTouch_q10 + mul_shift(frustum.grow_across_q20, slant, 20));
+  if (entry_a >= kBeamWeightSteps || entry_b >= kBeamWeightSteps) {
+    return -1;
+  }
+  return static_cast<std::int32_t>((static_cast<std::uint32_t>(table.beam_weight_q15[0][entry_a]) *
+                                    table.beam_weight_q15[1][entry_b]) >>
+                                   15U);
+}
+
+// Empty evidence of strength `strength_q7` at distance/64 of the maximum range.
+Evidence empty_evidence(Rule rule, std::uint32_t strength_q7, std::uint32_t distance) {
+  if (rule == Rule::kLogOdds) {
+    return Evidence{0, (strength_q7 * kEmptyLogit_q15[distance]) >> 15U};
+  }
+  const std::uint32_t hit_q7 = (strength_q7 * kEmptyRho_q15[distance]) >> 15U;
+  return Evidence{hit_q7, strength_q7 - hit_q7};
 }
 
 }  // namespace
@@ -121,11 +294,12 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
   const auto sigma_q12 = static_cast<std::int64_t>(
       base::sqrt_u64(static_cast<std::uint64_t>(lateral_q12) << 12U));
   const auto stride = static_cast<std::int32_t>(
-      clamp<std::int64_t>((kSlopeStride * sigma_q12 + 2048) >> 12, 1, kMaxFootprintCells));
+      clamp<std::int64_t>((kSlopeStride * sigma_q12 + 4096) >> 13, 1, kMaxFootprintCells / 2) * 2);
+  // Centre and stride are even: a quarter of the columns serves all slopes, and is read less often.
   const auto centre_n = static_cast<std::int32_t>(
-      (sighting.origin_q16[0] + mul_shift(range, frame.axis.q30[0], 30)) >> 16);
+      ((sighting.origin_q16[0] + mul_shift(range, frame.axis.q30[0], 30) + 0x8000) >> 17) * 2);
   const auto centre_e = static_cast<std::int32_t>(
-      (sighting.origin_q16[1] + mul_shift(range, frame.axis.q30[1], 30)) >> 16);
+      ((sighting.origin_q16[1] + mul_shift(range, frame.axis.q30[1], 30) + 0x8000) >> 17) * 2);
 
   // Weighted least squares of a plane through up to nine columns; depths relative to the first.
   std::int64_t s = 0;
@@ -158,14 +332,15 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
         record.depth_q8 = column.depth_q8;
         record.mass = column.mass;
         record.gain = 0;
+        // mass / 255 events of variance min_variance: information in 1/cells^2, Q4.
+        record.slope_weight_q4 = static_cast<std::uint8_t>(clamp<std::int64_t>(
+            (static_cast<std::int64_t>(record.mass) << 8) / scale_.min_variance_q12, 1, kSlopeWeightCap_q4));
       }
       if (record.depth_q8 == kUnknownDepth) {
         continue;
       }
       reference_q8 = reference_q8 == kUnknownDepth ? record.depth_q8 : reference_q8;
-      // mass / 255 events of variance min_variance: information in 1/cells^2, Q4.
-      const std::int64_t weight = clamp<std::int64_t>(
-          (static_cast<std::int64_t>(record.mass) << 8) / (scale_.min_variance_q12), 1, kSlopeWeightCap_q4);
+      const std::int64_t weight = record.slope_weight_q4;
       const std::int64_t z = record.depth_q8 - reference_q8;
       s += weight;
       sn += weight * i;
@@ -283,118 +458,49 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
   if (range_q10 <= 0) {
     return;
   }
-  const Cone cone = make_cone(scale_, frame.axis, range_q10);
-  const std::int64_t depth_cells = scale_.size[2];
+  const Frustum frustum = make_frustum(scale_, table_, frame, sighting, range_q10);
   const std::uint32_t seed = base::mix_u32(ping_number_ ^ 0x5BD1E995U);
-  const std::uint32_t budget = voxels_this_ping_ + cone_budget_;
-  const std::int64_t hn = cone.heading_north_q20;
-  const std::int64_t he = cone.heading_east_q20;
-  const std::int64_t origin_n = sighting.origin_q16[0] >> 6;
-  const std::int64_t origin_e = sighting.origin_q16[1] >> 6;
-  const std::int64_t origin_z = sighting.origin_q16[2] >> 6;
-  const std::int64_t radius = cone.radius_q10;
-  const std::int64_t tip_n = mul_shift(range_q10, frame.axis.q30[0], 30);
-  const std::int64_t tip_e = mul_shift(range_q10, frame.axis.q30[1], 30);
-  const bool two_axis = table_.two_axis != 0;
-  const std::int64_t grow_along_q20 = two_axis ? cone_growth_q20(scale_.tan_along_q20, range_q10) : 0;
-  const std::int64_t grow_across_q20 = two_axis ? cone_growth_q20(scale_.tan_across_q20, range_q10) : 0;
-  const std::int64_t reach = mul_shift(cone.horizontal_q30, range_q10, 30) + radius;
   const bool plane = shell != nullptr && !shell->wall;
   const std::int64_t clearance_q16 = plane ? kernel_reach_q16(shell->level) + 0x8000 : 0;
-  // Cells whose centres lie between two offsets from the transducer.
-  const auto cells_from = [](std::int64_t low_q10) {
-    return max_of<std::int64_t>(0, (low_q10 + 511) >> 10);
-  };
-  const auto cells_to = [](std::int64_t high_q10, std::int64_t cells) {
-    return min_of<std::int64_t>(cells - 1, (high_q10 - 512) >> 10);
-  };
-  // Seen from above the cone is a band |y| <= radius: a row cuts it between (he dn +- radius) / hn.
-  const bool banded = hn > (1 << 16) || hn < -(1 << 16);
-  const std::int64_t band_slope_q20 = banded ? he * (1 << 20) / hn : 0;
-  const std::int64_t band_half_q10 = banded ? (radius << 20) / (hn < 0 ? -hn : hn) : 0;
-
-  const std::int64_t n0 = cells_from(origin_n + min_of<std::int64_t>(tip_n, 0) - radius);
-  const std::int64_t n1 = cells_to(origin_n + max_of<std::int64_t>(tip_n, 0) + radius, scale_.size[0]);
-  for (std::int64_t n = n0; n <= n1; ++n) {
-    const std::int64_t dn = n * 1024 + 512 - origin_n;
-    std::int64_t low_e = min_of<std::int64_t>(tip_e, 0) - radius;
-    std::int64_t high_e = max_of<std::int64_t>(tip_e, 0) + radius;
-    if (banded) {
-      const std::int64_t middle = mul_shift(band_slope_q20, dn, 20);
-      low_e = max_of(low_e, middle - band_half_q10);
-      high_e = min_of(high_e, middle + band_half_q10);
-    }
-    const std::int64_t e0 = cells_from(origin_e + low_e);
-    const std::int64_t e1 = cells_to(origin_e + high_e, scale_.size[1]);
-    for (std::int64_t e = e0; e <= e1; ++e) {
-      const std::int64_t de = e * 1024 + 512 - origin_e;
-      const std::int64_t x = (hn * dn + he * de) >> 20;  // along the heading, Q10
-      const std::int64_t y = (hn * de - he * dn) >> 20;  // across
-      if (y > radius || y < -radius || x < -radius || x > reach) {
-        continue;
-      }
-      const ColumnSpan span = cone_span(cone, x, y);
-      // Voxel k has its centre at k + 0.5.
-      std::int64_t k0 = (span.top_q10 + origin_z + 511) >> 10;
-      std::int64_t k1 = (span.bottom_q10 + origin_z - 512) >> 10;
+  const CellRange rows = frustum_rows(frustum, scale_.size[0]);
+  for (std::int64_t n = rows.first; n <= rows.last; ++n) {
+    const std::int64_t dn = n * 1024 + 512 - frustum.origin_q10[0];
+    const CellRange row = frustum_row(frustum, dn, scale_.size[1]);
+    for (std::int64_t e = row.first; e <= row.last; ++e) {
+      const std::int64_t de = e * 1024 + 512 - frustum.origin_q10[1];
+      const ColumnOffset offset = column_offset(frustum, dn, de);
+      CellRange column = frustum_column(frustum, frame, offset, scale_.size[2]);
       if (plane) {
         // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
         const std::int64_t plane_q16 = shell->plane0_q16 + n * shell->depth_dn_q16 + e * shell->depth_de_q16;
-        const std::int64_t last = (plane_q16 - clearance_q16) >> 16;
-        k1 = min_of(k1, last);
+        column.last = min_of(column.last, (plane_q16 - clearance_q16) >> 16);
       }
-      k0 = max_of<std::int64_t>(k0, 0);
-      k1 = min_of(k1, depth_cells - 1);
-      if (k0 > k1) {
+      if (column.first > column.last) {
         continue;
       }
-      const std::uint32_t column =
-          grid_.column_index(static_cast<std::int32_t>(n), static_cast<std::int32_t>(e));
-      grid_.tile(grid_.tile_of(static_cast<std::int32_t>(n), static_cast<std::int32_t>(e))).touch(ping_number_);
-      Voxel* const voxels = grid_.column_voxels(column);
+      const auto cell_n = static_cast<std::int32_t>(n);
+      const auto cell_e = static_cast<std::int32_t>(e);
+      grid_.tile(grid_.tile_of(cell_n, cell_e)).touch(ping_number_);
+      Voxel* const voxels = grid_.column_voxels(grid_.column_index(cell_n, cell_e));
       const std::uint32_t dither = seed + static_cast<std::uint32_t>(n * kMaxSideCells + e) * kColumnDither;
-      for (std::int64_t k = k0; k <= k1; k += kRun) {
-        const std::int64_t count = min_of<std::int64_t>(kRun, k1 - k + 1);
-        if (voxels_this_ping_ + count > budget) {
+      for (std::int64_t k = column.first; k <= column.last; k += kRun) {
+        const std::int64_t count = min_of<std::int64_t>(kRun, column.last - k + 1);
+        if (voxels_this_ping_ + count > bound_.total_voxels) {
           ++counters_.cones_cut;
           return;
         }
         // Off-axis position and distance of the run's middle.
-        const std::int64_t z = k * 1024 + count * 512 - origin_z;
-        const std::int64_t slant = max_of<std::int64_t>(
-            0, (cone.horizontal_q30 * x + cone.down_q30 * z) >> 30);
-        std::uint32_t beam_q15 = 0;
-        if (!two_axis) {
-          const std::int64_t off = (cone.down_q30 * x - cone.horizontal_q30 * z) >> 30;
-          const std::int64_t half_width = kTouch_q10 + mul_shift(cone.growth_q20, slant, 20);
-          beam_q15 = table_.beam_weight_q15[0][beam_entry(off * off + y * y, half_width)];
-        } else {
-          const std::int64_t along =
-              (frame.along.q30[0] * dn + frame.along.q30[1] * de + frame.along.q30[2] * z) >> 30;
-          const std::int64_t across =
-              (frame.across.q30[0] * dn + frame.across.q30[1] * de + frame.across.q30[2] * z) >> 30;
-          const std::uint32_t entry_a =
-              beam_entry(along * along, kTouch_q10 + mul_shift(grow_along_q20, slant, 20));
-          const std::uint32_t entry_b =
-              beam_entry(across * across, kTouch_q10 + mul_shift(grow_across_q20, slant, 20));
-          if (entry_a >= kBeamWeightSteps || entry_b >= kBeamWeightSteps) {
-            continue;
-          }
-          beam_q15 = (static_cast<std::uint32_t>(table_.beam_weight_q15[0][entry_a]) *
-                      table_.beam_weight_q15[1][entry_b]) >> 15U;
+        const std::int64_t z = k * 1024 + count * 512 - frustum.origin_q10[2];
+        const std::int64_t slant = frustum_slant(frustum, offset, z);
+        const std::int32_t beam_q15 = frustum_weight_q15(frustum, table_, frame, offset, z, slant);
+        if (beam_q15 < 0) {
+          continue;
         }
         const auto distance = static_cast<std::uint32_t>(
             min_of<std::int64_t>(mul_shift(slant, scale_.confidence_scale_q22, 22), 64));
-        const std::uint32_t strength_q7 = (weight_q7 * beam_q15) >> 15U;
-        Evidence evidence{};
-        if (config_.rule == Rule::kLogOdds) {
-          evidence.miss_q7 = (strength_q7 * kEmptyLogit_q15[distance]) >> 15U;
-        } else {
-          evidence.hit_q7 = (strength_q7 * kEmptyRho_q15[distance]) >> 15U;
-          evidence.miss_q7 = strength_q7 - evidence.hit_q7;
-        }
-        add_uniform(voxels + k, static_cast<std::int32_t>(count), static_cast<std::uint32_t>(k), evidence,
-                    dither);
+        const std::uint32_t strength_q7 = (weight_q7 * static_cast<std::uint32_t>(beam_q15)) >> 15U;
+        add_uniform(voxels + k, static_cast<std::int32_t>(count), static_cast<std::uint32_t>(k),
+                    empty_evidence(config_.rule, strength_q7, distance), dither);
         voxels_this_ping_ += static_cast<std::uint32_t>(count);
       }
     }

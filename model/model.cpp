@@ -104,7 +104,6 @@ base::Status Model::configure(const ModelConfig& config, const void* table_bytes
   registration_q12_ = mul_shift(registration_q12, registration_q12, 12);
 
   bound_ = work_bound(scale_);
-  cone_budget_ = cone_volume(scale_, scale_.max_range_q16 >> 6);
   if (config.work_budget_voxels != 0 && bound_.total_voxels > config.work_budget_voxels) {
     return base::Status::kOverBudget;
   }

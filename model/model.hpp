@@ -56,6 +56,7 @@ struct ColumnResult {
   std::uint32_t sigma_q12;  ///< one sigma of the depth, 1/4096 cell
 };
 
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): extract() writes every result that is read.
 class Model {
  public:
   Model() = default;
@@ -119,7 +120,6 @@ class Model {
   std::uint32_t voxels_this_ping_ = 0;
   std::int64_t correlated_q12_[3] = {};     // cells^2
   std::int64_t registration_q12_ = 0;       // cells^2, see DESIGN.md
-  std::uint32_t cone_budget_ = 0;
   Grid grid_;
   ColumnResult results_[kColumnCapacity];
 };

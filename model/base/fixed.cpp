@@ -78,6 +78,9 @@ std::int32_t ratio(std::int64_t numerator, std::int64_t denominator, int shift) 
   const bool negative = numerator < 0;
   std::uint64_t n = negative ? 0 - static_cast<std::uint64_t>(numerator)
                              : static_cast<std::uint64_t>(numerator);
+  if (n == 0) {
+    return 0;  // no leading bit to align by
+  }
   auto d = static_cast<std::uint64_t>(denominator);
   // Bring the denominator to at most 32 bits and the numerator as high as it goes: then one division.
   const int lower = 32 - leading_zeros64(d);
