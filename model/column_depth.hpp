@@ -32,7 +32,8 @@ enum class DepthMethod : std::uint8_t {
 /// Half of a voxel's range: a column below it can take as much again before anything saturates.
 inline constexpr std::uint32_t kRescaleAbove = 32768;
 
-/// Halves every voxel of the column when one of its halves has reached kRescaleAbove; rounding alternates, so that it is unbiased. Returns whether it did. O(depth).
+/// Halves every voxel of the column when one of its halves has reached kRescaleAbove; rounding
+/// alternates, so that it is unbiased. Returns whether it did. O(depth).
 bool rescale_column(Voxel* voxels, std::int32_t depth_cells);
 
 }  // namespace leadline::model

@@ -459,10 +459,14 @@ ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
   const std::int64_t q_q20 = b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20;
   const std::int64_t one_q10 = q_q20 == 0 ? 0 : clamp(c_q20 * (1 << 10) / q_q20, -kFar_q10, kFar_q10);
   const std::int64_t other_sign = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
-  // |q| < 2^33 (8000 cells), 1/A < 2^26: the product stays below 2^59.
-  const std::int64_t other_q10 =
-      cone.inverse_a_q16 == 0 ? other_sign
-                              : clamp(mul_shift(q_q20, cone.inverse_a_q16, 26), -kFar_q10, kFar_q10);
+  // |q| < 2^33 (8000 cells), 1/A < 2^26: the product stays below 2^59. Close to the vertical A is small
+  // and worth a division.
+  std::int64_t other_q10 = other_sign;
+  if (cone.inverse_a_q16 != 0) {
+    other_q10 = clamp(mul_shift(q_q20, cone.inverse_a_q16, 26), -kFar_q10, kFar_q10);
+  } else if (cone.a_q30 <= -16 || cone.a_q30 >= 16) {
+    other_q10 = clamp(q_q20 * (1 << 20) / cone.a_q30, -kFar_q10, kFar_q10);
+  }
   ColumnSpan span{min_of(one_q10, other_q10), max_of(one_q10, other_q10)};
   if (cone.a_q30 < 0) {
     // The vertical runs inside the opening: forward of the farther root only.

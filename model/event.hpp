@@ -117,7 +117,7 @@ struct Cone {
   std::int64_t heading_east_q20;
   std::int64_t growth_q20;
   std::int64_t a_q30;
-  std::int64_t inverse_a_q16;     ///< 1 / A, 0 when A is nearly zero
+  std::int64_t inverse_a_q16;     ///< 1 / A, 0 when |A| is below 2^-10
   std::int64_t range_q10;
   std::int64_t radius_q10;        ///< at the far end, the largest
   std::int64_t inverse_down_q12;  ///< 1 / s, 0 when the axis is nearly horizontal

@@ -17,9 +17,11 @@ using base::ratio;
 constexpr int kEmptyShift = 1;
 // Separates the dither sequences of columns (odd, so that it is a permutation).
 constexpr std::uint32_t kColumnDither = 0x85EBCA6BU;
-// Columns with less evidence than this cannot hold a voxel that needs rescaling; and a column that has
-// gained as much is looked at again, so that no voxel of it saturates in between.
-constexpr std::uint32_t kRescaleMass = kRescaleAbove;
+// A column is looked at for voxels to rescale (kRescaleAbove) each time it has received this much
+// evidence: less than what is left to the end of the range, so that no voxel gets there in between.
+constexpr std::uint32_t kRescaleCheck = 30000;
+// No column of any grid.
+constexpr std::uint32_t kNoColumn = UINT32_MAX;
 // Voxels of a column that share one weight of empty evidence.
 constexpr std::int64_t kRun = 24;
 // A column is read again for the slope once its evidence has doubled.
@@ -321,13 +323,8 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
       }
       const std::uint32_t index = grid_.column_index(n, e);
       ColumnRecord& record = grid_.column(index);
-      if (record.gain > min_of((kRegrowth - 1) * record.mass, kRescaleMass - 1)) {
-        Voxel* const voxels = grid_.column_voxels(index);
-        // The evidence of a column bounds that of its voxels: most columns need no look for saturation.
-        if (record.mass + record.gain > kRescaleMass && rescale_column(voxels, scale_.size[2])) {
-          ++counters_.columns_rescaled;
-        }
-        const ColumnDepth column = column_depth(voxels, scale_.size[2], DepthMethod::kRobustMoment, config_.rule);
+      if (record.gain > (kRegrowth - 1) * record.mass) {
+        const ColumnDepth column = column_depth(grid_.column_voxels(index), scale_.size[2], DepthMethod::kRobustMoment, config_.rule);
         ++counters_.column_extractions;
         record.depth_q8 = column.depth_q8;
         record.mass = column.mass;
@@ -387,6 +384,7 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
   const auto& kernel = table_.kernel_q15[event.level];
   const auto& kernel_first = table_.kernel_first[event.level];
   const auto& kernel_count = table_.kernel_count[event.level];
+  std::uint32_t rescale_candidate = kNoColumn;
   std::uint32_t columns = 0;
   std::uint32_t written = 0;
   for (std::int32_t n = event.north0; n <= event.north1; ++n) {
@@ -442,6 +440,8 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
       ++columns;
       ColumnRecord& record = grid_.column(column);
       record.gain += (weight_q7 >> 7U) + 1U;
+      record.unchecked += (weight_q7 >> 7U) + 1U;
+      rescale_candidate = record.unchecked > kRescaleCheck ? column : rescale_candidate;
       record.last_touch_ds = now_ds;
       const std::int32_t change = (static_cast<std::int32_t>(event.blur_q8) - record.blur_q8) >> 2;
       record.blur_q8 = static_cast<std::uint16_t>(
@@ -451,6 +451,26 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
   }
   voxels_this_ping_ += written;
   counters_.columns_updated += columns;
+  if (rescale_candidate != kNoColumn) {
+    check_saturation(rescale_candidate);
+  }
+}
+
+// At most one column a ping, and only where the work bound leaves room: a column that must wait is still
+// a candidate at its next event.
+void Model::check_saturation(std::uint32_t column) {
+  const auto depth_cells = static_cast<std::uint32_t>(scale_.size[2]);
+  if (voxels_this_ping_ + depth_cells > bound_.total_voxels) {
+    return;
+  }
+  ColumnRecord& record = grid_.column(column);
+  record.unchecked = 0;
+  if (rescale_column(grid_.column_voxels(column), scale_.size[2])) {
+    voxels_this_ping_ += depth_cells;
+    ++counters_.columns_rescaled;
+    record.mass /= 2;
+    record.gain /= 2;
+  }
 }
 
 void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,

@@ -103,6 +103,7 @@ class Model {
   void prefetch_columns(const BeamFrame& frame, const Sighting& sighting) const;
   [[nodiscard]] Slope estimate_slope(const BeamFrame& frame, const Sighting& sighting);
   void add_shell_event(const ShellEvent& event, std::uint32_t now_ds);
+  void check_saturation(std::uint32_t column);
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
              std::int32_t range_q10, std::uint32_t weight_q7);
   void extract_raw(DepthMethod method);

@@ -27,6 +27,7 @@ struct WorkBound {
 /// Voxels of a cone of `range_q10` cells, of which the part nearer than `longest_q10` to its far end lies
 /// in the grid: sections clipped by the two shorter sides of the grid (lying), or the last cells before
 /// the far end, as many as the shortest side has (standing); the larger of the two. O(range).
-[[nodiscard]] std::uint32_t cone_volume(const Scale& scale, std::int32_t range_q10, std::int64_t longest_q10);
+[[nodiscard]] std::uint32_t cone_volume(const Scale& scale, std::int32_t range_q10,
+                                        std::int64_t longest_q10 = INT64_MAX);
 
 }  // namespace leadline::model

@@ -1,12 +1,16 @@
 #!/usr/bin/env bash
 # Runs the long trials and reports what was reached.
 #
-# usage: toolchain/soak.sh [--minutes N]
-#   --minutes N   in all (default 60): a third each for fuzzing and for mapping; the tests labelled full
-#                 take what they take
+# usage: toolchain/soak.sh [--minutes N] [--work-bound-pings N]
+#   --minutes N            in all (default 60): a quarter each for fuzzing, for mapping and for the search
+#                          for the worst ping; the tests labelled full take what they take
+#   --work-bound-pings N   pings per configuration of that search (default: what a quarter of the time
+#                          allows, 7,500 per minute; a billion in all is 32,000,000)
 #
 #   tests     those labelled full, release build
 #   fuzzing   every fuzz target in turn
+#   bound     pings that touch as many voxels as they can, over all named configurations: none may exceed
+#             the work bound, each has to reach 0.9 of it
 #   mapping   the demo survey over and over: each run must give the first run's map_hash and counts, and
 #             peak memory must not grow
 #
@@ -15,11 +19,17 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 minutes=60
+bound_pings=
 while [ $# -gt 0 ]; do
   case $1 in
     --minutes)
       [ $# -ge 2 ] || usage_error "--minutes wants a number"
       minutes=$2
+      shift
+      ;;
+    --work-bound-pings)
+      [ $# -ge 2 ] || usage_error "--work-bound-pings wants a number"
+      bound_pings=$2
       shift
       ;;
     -h | --help)
@@ -31,6 +41,8 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $minutes in '' | *[!0-9]* | 0) usage_error "--minutes wants a whole number from 1" ;; esac
+bound_pings=${bound_pings:-$((minutes * 7500))}
+case $bound_pings in *[!0-9]* | 0) usage_error "--work-bound-pings wants a whole number from 1" ;; esac
 
 out="$root/out/soak"
 rm -rf "$out"
@@ -40,13 +52,18 @@ leadline="$root/build/release/host_tools/leadline"
 fuzz_all() {
   local count
   count=$(stems "$root/tests/fuzz" 'fuzz_*.cpp' | wc -l)
-  local each=$((minutes * 20 / (count > 0 ? count : 1)))
+  local each=$((minutes * 15 / (count > 0 ? count : 1)))
   "$root/toolchain/fuzz.sh" --seconds $((each > 0 ? each : 1))
+}
+
+search_worst_ping() {
+  LEADLINE_WORK_BOUND_PINGS=$bound_pings "$root/build/release/tests/property.work_bound_ci" 2>&1 |
+    tee "$out/work_bound.txt"
 }
 
 map_again_and_again() {
   "$leadline" simulate --out "$out/survey" || return 1
-  python3 - "$leadline" "$out" $((minutes * 20)) <<'PYTHON'
+  python3 - "$leadline" "$out" $((minutes * 15)) <<'PYTHON'
 import json, os, subprocess, sys, time
 
 leadline, out, seconds = sys.argv[1], sys.argv[2], float(sys.argv[3])
@@ -82,9 +99,11 @@ PYTHON
 "$root/toolchain/setup.sh" --checks
 step "build release" configure_and_build release || { step_summary; exit 1; }
 step "tests labelled full" run_ctest release -L '^full$' || true
-step "fuzzing, $minutes/3 min" fuzz_all || true
-step "mapping, $minutes/3 min" map_again_and_again || true
+step "fuzzing, $minutes/4 min" fuzz_all || true
+step "work bound, $bound_pings pings each" search_worst_ping || true
+step "mapping, $minutes/4 min" map_again_and_again || true
 for target in $(stems "$root/tests/fuzz" 'fuzz_*.cpp'); do
   grep -h '^stat::number_of_executed_units' "$root/out/fuzz/$target/log" 2>/dev/null || true
 done | awk '{n += $2} END {print "fuzzing: " NR " targets, " n " inputs"}'
+grep -h 'configurations, .* pings' "$out/work_bound.txt" 2>/dev/null | sed 's/^/work bound: /' || true
 step_summary

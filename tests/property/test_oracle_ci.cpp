@@ -163,8 +163,9 @@ TEST(one_event_is_the_oracles_within_a_unit_and_the_table_error) {
           record.depth_q8 = static_cast<std::int32_t>(std::lround(depth * 256.0));
           record.mass = 2'000'000;
           record.gain = 0;
+          record.slope_weight_q4 = 63;
           for (Oracle* const one : {&oracle, &exact}) {
-            one->record(n, e) = Oracle::Record{true, record.depth_q8 / 256.0, 2'000'000.0, 0.0};
+            one->record(n, e) = Oracle::Record{true, record.depth_q8 / 256.0, 2'000'000.0, 0.0, 0.0, 63.0};
           }
         }
       }

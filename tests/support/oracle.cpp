@@ -231,9 +231,12 @@ void Oracle::rescale(int n, int e) {
   for (int k = 0; k < size_[2]; ++k) {
     largest = std::max({largest, hits_[voxel(n, e, k)], misses_[voxel(n, e, k)]});
   }
+  record(n, e).unchecked = 0.0;
   if (largest < 32768.0) {
     return;
   }
+  record(n, e).mass /= 2.0;
+  record(n, e).gain /= 2.0;
   for (int k = 0; k < size_[2]; ++k) {
     hits_[voxel(n, e, k)] /= 2.0;
     misses_[voxel(n, e, k)] /= 2.0;
@@ -243,9 +246,14 @@ void Oracle::rescale(int n, int e) {
 Oracle::Slope Oracle::slope(const Frame& frame, const Vector& from, double range, const Vector& variance) {
   const double beam = table_.beam_variance_along_q30 * 0x1.0p-30 + table_.pointing_variance_q30 * 0x1.0p-30;
   const double sigma = std::sqrt(square(range) * beam + std::max(variance[0], variance[1]) + kCellVariance);
-  const int stride = std::clamp(static_cast<int>(std::floor(2.0 * sigma + 0.5)), 1, 24);
-  const int centre_n = static_cast<int>(std::floor(from[0] + range * frame.axis[0]));
-  const int centre_e = static_cast<int>(std::floor(from[1] + range * frame.axis[1]));
+  // Two standard deviations apart, centre and stride even: a quarter of the columns serves all slopes.
+  const int stride = 2 * std::clamp(static_cast<int>(std::floor(sigma + 0.5)), 1, 12);
+  const double end_n = from[0] + range * frame.axis[0] + 0.5;
+  const double end_e = from[1] + range * frame.axis[1] + 0.5;
+  const int centre_n = 2 * static_cast<int>(std::floor(end_n / 2.0));
+  const int centre_e = 2 * static_cast<int>(std::floor(end_e / 2.0));
+  const auto near_even = [](double x) { return std::fabs(x / 2.0 - std::floor(x / 2.0 + 0.5)) < 0.001; };
+  lattice_undecided_ = near_even(end_n) || near_even(end_e) || std::fabs(sigma - std::floor(sigma) - 0.5) < 0.002;
   double s = 0, sn = 0, se = 0, sz = 0, snn = 0, sne = 0, see = 0, snz = 0, sez = 0;
   for (int i = -1; i <= 1; ++i) {
     for (int j = -1; j <= 1; ++j) {
@@ -255,16 +263,15 @@ Oracle::Slope Oracle::slope(const Frame& frame, const Vector& from, double range
         continue;
       }
       Record& own = record(n, e);
-      // Read again once the evidence has grown enough, or by half of a voxel's range.
-      if (own.gain > std::min((settings_.regrowth - 1.0) * own.mass, 32767.0)) {
-        rescale(n, e);
+      if (own.gain > (settings_.regrowth - 1.0) * own.mass) {
         const ColumnDepth found = column_depth(n, e);
-        own = Record{found.known, found.depth, found.mass, 0.0};
+        own = Record{found.known, found.depth, found.mass, 0.0, own.unchecked,
+                     std::clamp(std::floor(found.mass / (16.0 * min_variance_)), 1.0, 63.0)};
       }
       if (!own.known) {
         continue;
       }
-      const double weight = std::clamp(own.mass / (16.0 * min_variance_), 1.0, 63.0);
+      const double weight = own.weight;
       s += weight;
       sn += weight * i;
       se += weight * j;
@@ -316,7 +323,7 @@ Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range
   double level_variance = 0.0;
   double class_share = 0.0;
   double b1n = 0, b1e = 0, b2n = 0, b2e = 0, c11 = 0, c12 = 0, c22 = 0;
-  ambiguous_ = std::fabs(drop - kGrazing * secant) < 0.003;
+  ambiguous_ = lattice_undecided_ || std::fabs(drop - kGrazing * secant) < 0.003;
   if (drop < kGrazing * secant) {
     out.wall = true;
     const double horizontal = std::hypot(u[0], u[1]);
@@ -500,6 +507,11 @@ void Oracle::add_shell(const Shell& shell, double range) {
       }
       if (any) {
         own.gain += std::floor(weight) + 1.0;
+        own.unchecked += std::floor(weight) + 1.0;
+        if (own.unchecked > 30000.0) {
+          candidate_n_ = n;
+          candidate_e_ = e;
+        }
       }
     }
   }
@@ -520,7 +532,14 @@ void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, d
   const auto inside_by = [&](const Vector& d) {
     const double slant = d[0] * frame.axis[0] + d[1] * frame.axis[1] + d[2] * frame.axis[2];
     const double off = std::sqrt(std::max(0.0, square(d[0]) + square(d[1]) + square(d[2]) - square(slant)));
-    return std::min({slant, range - slant, kTouch + growth * slant - off});
+    double inside = std::min({slant, range - slant, kTouch + growth * slant - off});
+    // Of a two-axis beam, what both axes hold.
+    for (int axis = 0; axis < 2 && table_.two_axis != 0; ++axis) {
+      const Vector& side = axis == 0 ? frame.along : frame.across;
+      inside = std::min(inside, kTouch + grow[axis] * slant -
+                                    std::fabs(d[0] * side[0] + d[1] * side[1] + d[2] * side[2]));
+    }
+    return inside;
   };
   struct Weight {
     double value, error;
@@ -685,6 +704,10 @@ void Oracle::integrate(const base::Ping& ping, const base::Pose& pose) {
   for (const std::size_t at : written_) {
     hits_[at] = std::min(65535.0, hits_[at] + event_[at].hit);
     misses_[at] = std::min(65535.0, misses_[at] + event_[at].miss);
+  }
+  if (candidate_n_ >= 0) {
+    rescale(candidate_n_, candidate_e_);
+    candidate_n_ = -1;
   }
 }
 

@@ -52,6 +52,8 @@ class Oracle {
     double depth = 0.0;  ///< cells
     double mass = 0.0;
     double gain = 0.0;
+    double unchecked = 0.0;  ///< weight since the column was last looked at for saturation
+    double weight = 0.0;  ///< in the slope feedback, sixteenths of information per cell^2
   };
   [[nodiscard]] Record& record(int n, int e) { return records_[column(n, e)]; }
 
@@ -105,7 +107,10 @@ class Oracle {
   double min_variance_;  // cells^2
   double max_range_;     // cells
   bool ambiguous_ = false;
+  bool lattice_undecided_ = false;
   bool wall_ = false;
+  int candidate_n_ = -1;  ///< column to look at for saturation after the ping
+  int candidate_e_ = -1;
   std::vector<double> hits_;
   std::vector<double> misses_;
   std::vector<Record> records_;

@@ -15,7 +15,7 @@ import unittest
 LEADLINE = os.environ["LEADLINE"]
 
 OK, USAGE, INPUT, OUTPUT, COMPARISON = 0, 2, 3, 4, 5
-RESULTS = ["depth.asc", "depth.png", "model.llm", "sigma.asc", "stats.json"]
+RESULTS = ["depth.asc", "depth.png", "depth.tif", "model.llm", "sigma.asc", "stats.json"]
 
 HEADER = "time_us,x_m,y_m,z_m,roll_deg,pitch_deg,heading_deg,beam_az_deg,beam_el_deg,range_m"
 CONFIG = """\

@@ -228,11 +228,11 @@ TEST(cone_volume_is_the_integral) {
         const double radius = kTouch_q10 / 1024.0 + growth * range * (i + 0.5) / kSteps;
         volume += kPi * radius * radius * range / kSteps;
       }
-      assert_near(cone_volume(scale, range_q10), volume, 1.0 + 0.005 * volume);
+      assert_near(cone_volume(scale, range_q10, INT64_MAX), volume, 1.0 + 0.005 * volume);
     }
   }
-  assert_int_equal(cone_volume(scale_of(0.1), 0), 0);
-  assert_int_equal(cone_volume(scale_of(0.1), -5), 0);
+  assert_int_equal(cone_volume(scale_of(0.1), 0, INT64_MAX), 0);
+  assert_int_equal(cone_volume(scale_of(0.1), -5, INT64_MAX), 0);
 }
 
 Sighting sighting_at(double north, double east, double down, double range) {
