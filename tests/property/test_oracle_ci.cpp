@@ -56,7 +56,8 @@ Setup random_setup(Random& random, int index, std::int32_t side, std::int32_t de
     beam.kind = BeamKind::kCone;
     beam.half_angle_deg = 0.3 + 7.0 * random.uniform();
   } else {
-    beam.frequency_hz = 1500.0 * 1000.0 / (0.5 + 4.0 * random.uniform());  // wavelengths of 0.5 to 4.5 mm
+    beam.frequency_hz =
+        1500.0 * 1000.0 / (0.5 + 4.0 * random.uniform());  // wavelengths of 0.5 to 4.5 mm
     const double wavelength_mm = 1500.0 * 1000.0 / beam.frequency_hz;
     if (index % 3 == 1) {
       beam.kind = BeamKind::kPiston;
@@ -90,8 +91,9 @@ Setup random_setup(Random& random, int index, std::int32_t side, std::int32_t de
   }
   const char* const kinds[] = {"cone", "piston", "rectangle"};
   char text[160];
-  std::snprintf(text, sizeof(text), "%d: %s, cell %.0f mm, envelope %.2f x %.2f deg, %s", index, kinds[index % 3],
-                cell_mm, std::atan(setup.table.tan_envelope_along_q24 * 0x1.0p-24) * 57.29578,
+  std::snprintf(text, sizeof(text), "%d: %s, cell %.0f mm, envelope %.2f x %.2f deg, %s", index,
+                kinds[index % 3], cell_mm,
+                std::atan(setup.table.tan_envelope_along_q24 * 0x1.0p-24) * 57.29578,
                 std::atan(setup.table.tan_envelope_across_q24 * 0x1.0p-24) * 57.29578,
                 setup.config.rule == Rule::kLogOdds ? "log-odds" : "weighted mean");
   setup.name = text;
@@ -105,7 +107,8 @@ Pose random_pose(Random& random, const ModelConfig& config, double north, double
   const double cells[3] = {north, east, down};
   for (int axis = 0; axis < 3; ++axis) {
     pose.position_um[axis] = config.origin_mm[axis] * 1000 + std::llround(cells[axis] * cell_um);
-    pose.covariance.sigma_position_mm[axis] = static_cast<std::uint32_t>(config.sigma_position_mm[axis]);
+    pose.covariance.sigma_position_mm[axis] =
+        static_cast<std::uint32_t>(config.sigma_position_mm[axis]);
   }
   pose.attitude = Attitude{bam(tilt_deg * random.normal()), bam(tilt_deg * random.normal()),
                            static_cast<Bam32>(random.next())};
@@ -123,11 +126,13 @@ struct Tally {
 
 void print_tally(const char* what, const Tally& tally) {
   const auto count = static_cast<double>(std::max<std::int64_t>(tally.voxels, 1));
-  print_message("%s: %lld increments, %.2f %% within 1 unit, rms difference %.3f, worst %.2f; mean allowance beyond "
-                "the unit %.2f; %lld at a cut\n",
-                what, static_cast<long long>(tally.voxels), 100.0 * static_cast<double>(tally.within_one) / count,
-                std::sqrt(tally.squares / count), tally.worst, tally.allowed / count,
-                static_cast<long long>(tally.edges));
+  print_message(
+      "%s: %lld increments, %.2f %% within 1 unit, rms difference %.3f, worst %.2f; mean allowance "
+      "beyond "
+      "the unit %.2f; %lld at a cut\n",
+      what, static_cast<long long>(tally.voxels),
+      100.0 * static_cast<double>(tally.within_one) / count, std::sqrt(tally.squares / count),
+      tally.worst, tally.allowed / count, static_cast<long long>(tally.edges));
 }
 
 TEST(one_event_is_the_oracles_within_a_unit_and_the_table_error) {
@@ -144,7 +149,8 @@ TEST(one_event_is_the_oracles_within_a_unit_and_the_table_error) {
   for (int index = 0; index < configurations(); ++index) {
     const Setup setup = random_setup(random, index, kSide, kDepth);
     for (int trial = 0; trial < kEvents; ++trial) {
-      assert_int_equal(model.configure(setup.config, &setup.table, sizeof(setup.table)), Status::kOk);
+      assert_int_equal(model.configure(setup.config, &setup.table, sizeof(setup.table)),
+                       Status::kOk);
       OracleSettings settings;
       settings.footprint_cells = model.scale().footprint_cells;
       settings.cone_run_cells = kConeRunCells;
@@ -165,13 +171,17 @@ TEST(one_event_is_the_oracles_within_a_unit_and_the_table_error) {
           record.gain = 0;
           record.slope_weight_q4 = 63;
           for (Oracle* const one : {&oracle, &exact}) {
-            one->record(n, e) = Oracle::Record{true, record.depth_q8 / 256.0, 2'000'000.0, 0.0, 0.0, 63.0};
+            one->record(n, e) =
+                Oracle::Record{true, record.depth_q8 / 256.0, 2'000'000.0, 0.0, 0.0, 63.0};
           }
         }
       }
-      const Pose pose = random_pose(random, setup.config, 46.0 * random.uniform() - 5.0, 46.0 * random.uniform() - 5.0,
-                                    12.0 * random.uniform() - 8.0, trial % 3 == 0 ? 25.0 : 6.0);
-      Ping ping = ping_along(360.0 * random.uniform(), trial % 5 == 0 ? 90.0 * random.uniform() - 20.0 : 75.0 + 15.0 * random.uniform(), 1.0);
+      const Pose pose = random_pose(random, setup.config, 46.0 * random.uniform() - 5.0,
+                                    46.0 * random.uniform() - 5.0, 12.0 * random.uniform() - 8.0,
+                                    trial % 3 == 0 ? 25.0 : 6.0);
+      Ping ping = ping_along(
+          360.0 * random.uniform(),
+          trial % 5 == 0 ? 90.0 * random.uniform() - 20.0 : 75.0 + 15.0 * random.uniform(), 1.0);
       ping.rotation_bam32 = random.between(0, 1) == 0 ? 0 : static_cast<Bam32>(random.next());
       ping.range_um = std::llround((4.0 + 28.0 * random.uniform()) * setup.config.cell_mm * 1000.0);
       if (trial % 20 == 19) {
@@ -193,7 +203,8 @@ TEST(one_event_is_the_oracles_within_a_unit_and_the_table_error) {
           const Voxel* const voxels = model.grid().column_voxels(model.grid().column_index(n, e));
           for (std::int32_t k = 0; k < kDepth; ++k, ++at) {
             const Increment& expected = oracle.event()[at];
-            const auto compare = [&](double actual, double truth, double allowed, Tally* tally, const char* half) {
+            const auto compare = [&](double actual, double truth, double allowed, Tally* tally,
+                                     const char* half) {
               if (actual == 0.0 && truth == 0.0) {
                 return;
               }
@@ -208,8 +219,9 @@ TEST(one_event_is_the_oracles_within_a_unit_and_the_table_error) {
               tally->worst = std::max(tally->worst, difference);
               tally->allowed += allowed;
               if (difference > 1.0 + allowed) {
-                fail_msg("%s; event %d, voxel (%d %d %d): %s %g, the oracle says %g, allowed 1 + %g", setup.name.c_str(),
-                         trial, n, e, k, half, actual, truth, allowed);
+                fail_msg(
+                    "%s; event %d, voxel (%d %d %d): %s %g, the oracle says %g, allowed 1 + %g",
+                    setup.name.c_str(), trial, n, e, k, half, actual, truth, allowed);
               }
             };
             compare(voxels[k].hit, expected.hit, expected.allowed_hit, &hits, "hit");
@@ -227,8 +239,10 @@ TEST(one_event_is_the_oracles_within_a_unit_and_the_table_error) {
       }
     }
   }
-  print_message("%d events of %d configurations, %d of them walls; %d undecided between two kernels were left out\n",
-                events, configurations(), walls, ambiguous);
+  print_message(
+      "%d events of %d configurations, %d of them walls; %d undecided between two kernels were "
+      "left out\n",
+      events, configurations(), walls, ambiguous);
   print_tally("hit", hits);
   print_tally("miss", misses);
   print_tally("miss, against one weight per voxel", single);
@@ -284,19 +298,24 @@ TEST(depths_after_ten_thousand_pings_are_the_oracles) {
       const double e = kSide * random.uniform();
       const Pose pose = random_pose(random, setup.config, n, e, 1.0, 4.0);
       // Along the axis by iteration; which part of the footprint answers first is not at issue here.
-      const double roll = static_cast<std::int32_t>(pose.attitude.roll_bam32) * (3.141592653589793 / 2147483648.0);
-      const double pitch = static_cast<std::int32_t>(pose.attitude.pitch_bam32) * (3.141592653589793 / 2147483648.0);
-      const double heading = static_cast<std::int32_t>(pose.attitude.heading_bam32) * (3.141592653589793 / 2147483648.0);
+      const double roll =
+          static_cast<std::int32_t>(pose.attitude.roll_bam32) * (3.141592653589793 / 2147483648.0);
+      const double pitch =
+          static_cast<std::int32_t>(pose.attitude.pitch_bam32) * (3.141592653589793 / 2147483648.0);
+      const double heading = static_cast<std::int32_t>(pose.attitude.heading_bam32) *
+                             (3.141592653589793 / 2147483648.0);
       const double forward = std::sin(pitch) * std::cos(roll);
       const double right = -std::sin(roll);
       const double u[3] = {std::cos(heading) * forward - std::sin(heading) * right,
-                           std::sin(heading) * forward + std::cos(heading) * right, std::cos(pitch) * std::cos(roll)};
+                           std::sin(heading) * forward + std::cos(heading) * right,
+                           std::cos(pitch) * std::cos(roll)};
       double range = 17.0;
       for (int step = 0; step < 20; ++step) {
         range = (bottom.at(n + range * u[0], e + range * u[1]) - 1.0) / u[2];
       }
       Ping ping = ping_along(0, 90, 1.0);
-      ping.range_um = std::llround((range + noise * random.normal()) * setup.config.cell_mm * 1000.0);
+      ping.range_um =
+          std::llround((range + noise * random.normal()) * setup.config.cell_mm * 1000.0);
       if (model.integrate(ping, pose) == PingResult::kFused) {
         oracle.integrate(ping, pose);
       }
@@ -324,8 +343,8 @@ TEST(depths_after_ten_thousand_pings_are_the_oracles) {
       }
     }
     const double rms = std::sqrt(sum / std::max(known, 1));
-    print_message("%s: %d columns, rms difference %.4f, worst %.3f cells; %d known to one only\n", setup.name.c_str(),
-                  known, rms, worst, disagreed);
+    print_message("%s: %d columns, rms difference %.4f, worst %.3f cells; %d known to one only\n",
+                  setup.name.c_str(), known, rms, worst, disagreed);
     worst_rms = std::max(worst_rms, rms);
     squares += sum;
     total += known;

@@ -23,6 +23,8 @@ constexpr double kUnits = 255.0;  // evidence of the best ping
 // footprint, Q16 positions, square roots to 2^-14.
 constexpr double kDepthSlack = 0.012;
 constexpr double kSpanSlack = 0.02;
+// Variances are sums of a few terms in 1/4096 cell^2, each rounded; the event's weight is their ratio.
+constexpr double kVarianceSlack = 4.0 / 4096.0;
 
 double square(double x) { return x * x; }
 
@@ -45,7 +47,9 @@ struct Reading {
 };
 template <typename At>
 Reading read(At at, double position, int last, double slack) {
-  const auto entry = [&](double p) { return at(std::clamp(static_cast<int>(std::floor(p)), 0, last)); };
+  const auto entry = [&](double p) {
+    return at(std::clamp(static_cast<int>(std::floor(p)), 0, last));
+  };
   const int below = std::clamp(static_cast<int>(std::floor(position)), 0, last);
   const double f = std::clamp(position - below, 0.0, 1.0);
   const double value = at(below) + f * (at(std::min(below + 1, last)) - at(below));
@@ -116,7 +120,8 @@ struct Oracle::Shell {
   double half_n = 0.0, half_e = 0.0;
   int level = 0;
   int profile_class = 0;
-  double weight = 0.0;  // units
+  double weight = 0.0;        // units
+  double weight_slack = 0.0;  // share of it that rounding of variances may move
   double empty_range = 0.0;
 
   [[nodiscard]] double variance() const { return 0.25 * std::pow(2.0, level / 4.0); }
@@ -147,7 +152,8 @@ Oracle::Oracle(const model::ModelConfig& config, const LocalizationTable& table,
 }
 
 std::size_t Oracle::column(int n, int e) const {
-  return static_cast<std::size_t>(n) * static_cast<std::size_t>(size_[1]) + static_cast<std::size_t>(e);
+  return static_cast<std::size_t>(n) * static_cast<std::size_t>(size_[1]) +
+         static_cast<std::size_t>(e);
 }
 
 std::size_t Oracle::voxel(int n, int e, int k) const {
@@ -159,7 +165,9 @@ std::size_t Oracle::voxel(int n, int e, int k) const {
 Oracle::ColumnDepth Oracle::column_depth(int n, int e) const {
   const int depth = size_[2];
   std::vector<double> evidence(static_cast<std::size_t>(depth) + 4, 0.0);
-  const auto at = [&evidence](int k) -> double& { return evidence[static_cast<std::size_t>(k + 2)]; };
+  const auto at = [&evidence](int k) -> double& {
+    return evidence[static_cast<std::size_t>(k + 2)];
+  };
   double mass = 0.0;
   for (int k = 0; k < depth; ++k) {
     const double for_it = hits_[voxel(n, e, k)];
@@ -168,7 +176,9 @@ Oracle::ColumnDepth Oracle::column_depth(int n, int e) const {
                                            : std::max(0.0, for_it - against);
     mass += at(k);
   }
-  const auto smooth = [&at](int k) { return at(k - 2) + 2 * at(k - 1) + 3 * at(k) + 2 * at(k + 1) + at(k + 2); };
+  const auto smooth = [&at](int k) {
+    return at(k - 2) + 2 * at(k - 1) + 3 * at(k) + 2 * at(k + 1) + at(k + 2);
+  };
   double peak = 0.0;
   int peak_k = 0;
   for (int k = 0; k < depth; ++k) {
@@ -243,17 +253,23 @@ void Oracle::rescale(int n, int e) {
   }
 }
 
-Oracle::Slope Oracle::slope(const Frame& frame, const Vector& from, double range, const Vector& variance) {
-  const double beam = table_.beam_variance_along_q30 * 0x1.0p-30 + table_.pointing_variance_q30 * 0x1.0p-30;
-  const double sigma = std::sqrt(square(range) * beam + std::max(variance[0], variance[1]) + kCellVariance);
+Oracle::Slope Oracle::slope(const Frame& frame, const Vector& from, double range,
+                            const Vector& variance) {
+  const double beam =
+      table_.beam_variance_along_q30 * 0x1.0p-30 + table_.pointing_variance_q30 * 0x1.0p-30;
+  const double sigma =
+      std::sqrt(square(range) * beam + std::max(variance[0], variance[1]) + kCellVariance);
   // Two standard deviations apart, centre and stride even: a quarter of the columns serves all slopes.
   const int stride = 2 * std::clamp(static_cast<int>(std::floor(sigma + 0.5)), 1, 12);
   const double end_n = from[0] + range * frame.axis[0] + 0.5;
   const double end_e = from[1] + range * frame.axis[1] + 0.5;
   const int centre_n = 2 * static_cast<int>(std::floor(end_n / 2.0));
   const int centre_e = 2 * static_cast<int>(std::floor(end_e / 2.0));
-  const auto near_even = [](double x) { return std::fabs(x / 2.0 - std::floor(x / 2.0 + 0.5)) < 0.001; };
-  lattice_undecided_ = near_even(end_n) || near_even(end_e) || std::fabs(sigma - std::floor(sigma) - 0.5) < 0.002;
+  const auto near_even = [](double x) {
+    return std::fabs(x / 2.0 - std::floor(x / 2.0 + 0.5)) < 0.001;
+  };
+  lattice_undecided_ =
+      near_even(end_n) || near_even(end_e) || std::fabs(sigma - std::floor(sigma) - 0.5) < 0.002;
   double s = 0, sn = 0, se = 0, sz = 0, snn = 0, sne = 0, see = 0, snz = 0, sez = 0;
   for (int i = -1; i <= 1; ++i) {
     for (int j = -1; j <= 1; ++j) {
@@ -265,8 +281,10 @@ Oracle::Slope Oracle::slope(const Frame& frame, const Vector& from, double range
       Record& own = record(n, e);
       if (own.gain > (settings_.regrowth - 1.0) * own.mass) {
         const ColumnDepth found = column_depth(n, e);
-        own = Record{found.known, found.depth, found.mass, 0.0, own.unchecked,
-                     std::clamp(std::floor(found.mass / (16.0 * min_variance_)), 1.0, 63.0)};
+        own = Record{
+            found.known,   found.depth,
+            found.mass,    0.0,
+            own.unchecked, std::clamp(std::floor(found.mass / (16.0 * min_variance_)), 1.0, 63.0)};
       }
       if (!own.known) {
         continue;
@@ -299,8 +317,8 @@ Oracle::Slope Oracle::slope(const Frame& frame, const Vector& from, double range
 
 // --------------------------------------------------------------------------------------- the shell
 
-Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range, const Vector& variance,
-                            const Slope& bottom) {
+Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range,
+                            const Vector& variance, const Slope& bottom) {
   const Vector& u = frame.axis;
   double gn = bottom.n;
   double ge = bottom.e;
@@ -358,7 +376,8 @@ Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range
     const double sine = std::sqrt(std::max(0.0, 1.0 - square(cosine)));
     // Down-normal of the bottom, less its part along the beam: where uphill is, across the beam.
     const Vector normal = {-gn / secant, -ge / secant, 1.0 / secant};
-    const Vector uphill = {normal[0] - cosine * u[0], normal[1] - cosine * u[1], normal[2] - cosine * u[2]};
+    const Vector uphill = {normal[0] - cosine * u[0], normal[1] - cosine * u[1],
+                           normal[2] - cosine * u[2]};
     struct First {
       double excess, slope, shift, patch;
     };
@@ -368,8 +387,11 @@ Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range
       const double f = position - below;
       const model::FirstReturnEntry& a = table_.first_return[axis][below];
       const model::FirstReturnEntry& b = table_.first_return[axis][below + 1];
-      const auto between = [f](double from_value, double to_value) { return from_value + f * (to_value - from_value); };
-      return First{between(a.excess_q30, b.excess_q30) * 0x1.0p-30, between(a.slope_q20, b.slope_q20) * 0x1.0p-20,
+      const auto between = [f](double from_value, double to_value) {
+        return from_value + f * (to_value - from_value);
+      };
+      return First{between(a.excess_q30, b.excess_q30) * 0x1.0p-30,
+                   between(a.slope_q20, b.slope_q20) * 0x1.0p-20,
                    between(a.shift_q20, b.shift_q20) * 0x1.0p-20,
                    between(a.patch_variance_q30, b.patch_variance_q30) * 0x1.0p-30};
     };
@@ -377,26 +399,33 @@ Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range
     double patch_along = range2 * first.patch;
     double patch_across = range2 * first.patch;
     if (table_.two_axis != 0 && sine > 0.0) {
-      const double share = std::clamp((uphill[0] * frame.along[0] + uphill[1] * frame.along[1] +
-                                       uphill[2] * frame.along[2]) / sine, -1.0, 1.0);
+      const double share = std::clamp(
+          (uphill[0] * frame.along[0] + uphill[1] * frame.along[1] + uphill[2] * frame.along[2]) /
+              sine,
+          -1.0, 1.0);
       const double mix = square(share);
       const First second = first_return(1);
-      const auto blend = [mix](double along, double across) { return across + mix * (along - across); };
+      const auto blend = [mix](double along, double across) {
+        return across + mix * (along - across);
+      };
       patch_along = blend(range2 * first.patch, beam_along);
       patch_across = blend(beam_across, range2 * second.patch);
       first = First{blend(first.excess, second.excess), blend(first.slope, second.slope),
                     blend(first.shift, second.shift), 0.0};
     }
-    const double vertical = drop + first.excess * secant;  // depth of the plane below, per unit of range
+    const double vertical =
+        drop + first.excess * secant;  // depth of the plane below, per unit of range
     out.centre_n = from[0] + range * (u[0] + first.shift * uphill[0]);
     out.centre_e = from[1] + range * (u[1] + first.shift * uphill[1]);
-    out.centre_depth = from[2] + range * vertical + gn * (out.centre_n - from[0]) + ge * (out.centre_e - from[1]);
+    out.centre_depth =
+        from[2] + range * vertical + gn * (out.centre_n - from[0]) + ge * (out.centre_e - from[1]);
     out.slope_n = gn;
     out.slope_e = ge;
     level_variance = square(sigma_range_ * vertical) + variance[2] + square(gn) * variance[0] +
-                     square(ge) * variance[1] + pointing * square(first.slope * secant) + beam_along / 8.0 +
-                     kFloorVariance;
+                     square(ge) * variance[1] + pointing * square(first.slope * secant) +
+                     beam_along / 8.0 + kFloorVariance;
     out.weight = kUnits * std::min(1.0, min_variance_ / level_variance);
+    out.weight_slack = kVarianceSlack / level_variance;
     b1n = frame.along[0] + gn * frame.along[2];
     b1e = frame.along[1] + ge * frame.along[2];
     b2n = frame.across[0] + gn * frame.across[2];
@@ -421,19 +450,28 @@ Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range
   const double determinant = std::fabs(out.xi_n * out.eta_e - out.xi_e * out.eta_n);
   const double cut = std::sqrt(kCut2);
   const double longest = settings_.footprint_cells;
-  out.half_n = determinant < 2.4e-4 ? longest : std::min(longest, cut * std::hypot(out.xi_e, out.eta_e) / determinant);
-  out.half_e = determinant < 2.4e-4 ? longest : std::min(longest, cut * std::hypot(out.xi_n, out.eta_n) / determinant);
+  out.half_n = determinant < 2.4e-4
+                   ? longest
+                   : std::min(longest, cut * std::hypot(out.xi_e, out.eta_e) / determinant);
+  out.half_e = determinant < 2.4e-4
+                   ? longest
+                   : std::min(longest, cut * std::hypot(out.xi_n, out.eta_n) / determinant);
 
-  const double exact_level = std::clamp(4.0 * std::log2(level_variance / 0.25), 0.0, model::kKernelLevels - 1.0);
+  const double exact_level =
+      std::clamp(4.0 * std::log2(level_variance / 0.25), 0.0, model::kKernelLevels - 1.0);
   out.level = static_cast<int>(std::floor(exact_level + 0.5));
   const double exact_class = class_share * (model::kProfileClasses - 1);
-  out.profile_class = std::clamp(static_cast<int>(std::floor(exact_class + 0.5)), 0, model::kProfileClasses - 1);
+  out.profile_class =
+      std::clamp(static_cast<int>(std::floor(exact_class + 0.5)), 0, model::kProfileClasses - 1);
   if (out.wall) {
     // Two radial deviations before a standing shell; before one met from above, its kernel's reach.
-    const double clearance = std::max(2.0 * std::sqrt(c11) * std::hypot(u[0], u[1]), out.reach() * std::fabs(u[2]));
+    const double clearance =
+        std::max(2.0 * std::sqrt(c11) * std::hypot(u[0], u[1]), out.reach() * std::fabs(u[2]));
     out.empty_range = std::max(0.0, range - clearance);
   }
-  const auto undecided = [](double value) { return std::fabs(value - std::floor(value) - 0.5) < 0.03; };
+  const auto undecided = [](double value) {
+    return std::fabs(value - std::floor(value) - 0.5) < 0.03;
+  };
   ambiguous_ = ambiguous_ || undecided(exact_level) || undecided(exact_class);
   wall_ = out.wall;
   return out;
@@ -445,7 +483,8 @@ void Oracle::add_shell(const Shell& shell, double range) {
   double against = 0.0;
   double against_error = 0.0;
   if (config_.rule == Rule::kWeightedMean) {
-    const Reading rho = read([](int i) { return empty_rho(i / 64.0); }, 64.0 * range / max_range_, 64, 0.01);
+    const Reading rho =
+        read([](int i) { return empty_rho(i / 64.0); }, 64.0 * range / max_range_, 64, 0.01);
     against = empty_rho(range / max_range_);
     against_error = rho.error + std::fabs(rho.value - against);
   }
@@ -464,18 +503,21 @@ void Oracle::add_shell(const Shell& shell, double range) {
         continue;
       }
       const auto profile = [&](int axis, double squared) {
-        return read([&](int j) { return table_.profile_q15[axis][shell.profile_class][j] / 32767.0; },
-                    squared / kCut2 * model::kProfileSteps, model::kProfileSteps + 3,
-                    slack / kCut2 * model::kProfileSteps);
+        return read(
+            [&](int j) { return table_.profile_q15[axis][shell.profile_class][j] / 32767.0; },
+            squared / kCut2 * model::kProfileSteps, model::kProfileSteps + 3,
+            slack / kCut2 * model::kProfileSteps);
       };
       Reading lateral = profile(0, m2);
       if (table_.two_axis != 0) {
         const Reading a = profile(0, xi * xi);
         const Reading b = profile(1, eta * eta);
-        lateral = Reading{a.value * b.value, a.value * b.error + b.value * a.error + a.error * b.error};
+        lateral =
+            Reading{a.value * b.value, a.value * b.error + b.value * a.error + a.error * b.error};
       }
       const double weight = shell.weight * lateral.value;
-      const double weight_error = shell.weight * lateral.error + 0.02 + 2e-3 * weight;
+      const double weight_error =
+          shell.weight * lateral.error + 0.02 + (2e-3 + shell.weight_slack) * weight;
       Record& own = record(n, e);
       const double depth = shell.plane(n + 0.5, e + 0.5);
       // Far below or above the grid there is nothing to write.
@@ -484,20 +526,24 @@ void Oracle::add_shell(const Shell& shell, double range) {
       }
       const std::vector<double> taps = range_blur(variance, depth, size_[2]);
       const double shift = settings_.allowances ? kDepthSlack : 0.0;
-      const std::vector<double> upper = shift > 0.0 ? range_blur(variance, depth - shift, size_[2]) : taps;
-      const std::vector<double> lower = shift > 0.0 ? range_blur(variance, depth + shift, size_[2]) : taps;
+      const std::vector<double> upper =
+          shift > 0.0 ? range_blur(variance, depth - shift, size_[2]) : taps;
+      const std::vector<double> lower =
+          shift > 0.0 ? range_blur(variance, depth + shift, size_[2]) : taps;
       bool any = false;
       for (int k = 0; k < size_[2]; ++k) {
         const auto at = static_cast<std::size_t>(k);
         const double least = std::min({taps[at], upper[at], lower[at]});
         const double most = std::max({taps[at], upper[at], lower[at]});
-        if (most <= 0.0) {
+        // A row of the table serves a sixteenth of a cell: it may hold a tap just outside the cut, and
+        // the stated error says how large.
+        if (most <= 0.0 && std::fabs(k + 0.5 - depth) > shell.reach() + 1.0 / 16.0 + kDepthSlack) {
           continue;
         }
-        any = any || !edge;
+        any = any || (!edge && most > 0.0);
         const double tap_error = kernel_error + most - least;
         Increment& increment = event_[voxel(n, e, k)];
-        const double error = weight * tap_error + most * weight_error;
+        const double error = weight * tap_error + (most + kernel_error) * weight_error;
         increment.hit += weight * taps[at] * (1.0 - against);
         increment.miss += weight * taps[at] * against;
         increment.allowed_hit += error * (1.0 - against) + weight * most * against_error;
@@ -519,7 +565,9 @@ void Oracle::add_shell(const Shell& shell, double range) {
 
 // ---------------------------------------------------------------------------- the cone before it
 
-void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, double range, double strength) {
+void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, double range,
+                   double strength) {
+  const double slack = 2e-3 + (shell == nullptr ? 0.0 : shell->weight_slack);
   if (range <= 0.0) {
     return;
   }
@@ -531,7 +579,8 @@ void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, d
   // Signed distance inside the frustum (positive: inside), of a point relative to the transducer.
   const auto inside_by = [&](const Vector& d) {
     const double slant = d[0] * frame.axis[0] + d[1] * frame.axis[1] + d[2] * frame.axis[2];
-    const double off = std::sqrt(std::max(0.0, square(d[0]) + square(d[1]) + square(d[2]) - square(slant)));
+    const double off =
+        std::sqrt(std::max(0.0, square(d[0]) + square(d[1]) + square(d[2]) - square(slant)));
     double inside = std::min({slant, range - slant, kTouch + growth * slant - off});
     // Of a two-axis beam, what both axes hold.
     for (int axis = 0; axis < 2 && table_.two_axis != 0; ++axis) {
@@ -545,7 +594,8 @@ void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, d
     double value, error;
   };
   const auto weight_at = [&](const Vector& d) {
-    const double slant = std::max(0.0, d[0] * frame.axis[0] + d[1] * frame.axis[1] + d[2] * frame.axis[2]);
+    const double slant =
+        std::max(0.0, d[0] * frame.axis[0] + d[1] * frame.axis[1] + d[2] * frame.axis[2]);
     const auto share = [&](double off2, double half, int axis) {
       const double position = model::kBeamWeightSteps * off2 / square(half);
       return read([&](int j) { return table_.beam_weight_q15[axis][j] / 32767.0; }, position,
@@ -589,10 +639,12 @@ void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, d
     if (config_.rule == Rule::kLogOdds) {
       return Both{{0.0, 0.0},
                   {s * beam.value * trust.value,
-                   s * (beam.value * trust.error + trust.value * beam.error + beam.error * trust.error) + 0.05}};
+                   s * (beam.value * trust.error + trust.value * beam.error +
+                        beam.error * trust.error + slack * beam.value * trust.value) +
+                       0.05}};
     }
     const double total = s * beam.value;
-    const double error = s * (beam.value * trust.error + beam.error) + 0.05;
+    const double error = s * (beam.value * (trust.error + slack) + beam.error) + 0.05;
     return Both{{total * trust.value, error}, {total * (1.0 - trust.value), error}};
   };
 
@@ -637,21 +689,33 @@ void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, d
           return Vector{d[0], d[1], k + 0.5 * count + shift - from[2]};
         };
         const auto exact = weight_at(middle(0.0));
-        double doubt_hit = 0.0;
-        double doubt_miss = 0.0;
+        const auto apart = [&](double shift) {
+          const auto moved = weight_at(middle(shift));
+          return Weight{std::fabs(moved.hit.value - exact.hit.value) + moved.hit.error,
+                        std::fabs(moved.miss.value - exact.miss.value) + moved.miss.error};
+        };
+        Weight doubt{0.0, 0.0};   // of hit and of miss
+        Weight border{0.0, 0.0};  // of a run's end voxels, which may belong to the next run
         if (settings_.allowances && doubtful && run > 1) {
           for (const double shift : {-1.0, -0.5, 0.5, 1.0}) {
-            const auto moved = weight_at(middle(shift));
-            doubt_hit = std::max(doubt_hit, std::fabs(moved.hit.value - exact.hit.value));
-            doubt_miss = std::max(doubt_miss, std::fabs(moved.miss.value - exact.miss.value));
+            doubt.value = std::max(doubt.value, apart(shift).value);
+            doubt.error = std::max(doubt.error, apart(shift).error);
+          }
+          for (const double shift :
+               {-0.5 * (run + count), 0.5 * (run + std::min(run, last - k - count + 1))}) {
+            border.value = std::max(border.value, apart(shift).value);
+            border.error = std::max(border.error, apart(shift).error);
           }
         }
         for (int i = k; i < k + count; ++i) {
+          const bool at_end = i == k || i == k + count - 1;
           Increment& increment = event_[voxel(n, e, i)];
           increment.hit += exact.hit.value;
           increment.miss += exact.miss.value;
-          increment.allowed_hit += exact.hit.error + doubt_hit;
-          increment.allowed_miss += exact.miss.error + doubt_miss;
+          increment.allowed_hit +=
+              exact.hit.error + std::max(doubt.value, at_end ? border.value : 0.0);
+          increment.allowed_miss +=
+              exact.miss.error + std::max(doubt.error, at_end ? border.error : 0.0);
           written_.push_back(voxel(n, e, i));
         }
       }
@@ -679,7 +743,8 @@ void Oracle::integrate(const base::Ping& ping, const base::Pose& pose) {
     along[i] = std::cos(rot) * up[i] + std::sin(rot) * side[i];
     across[i] = std::cos(rot) * side[i] - std::sin(rot) * up[i];
   }
-  const Frame frame{turn(pose.attitude, axis), turn(pose.attitude, along), turn(pose.attitude, across)};
+  const Frame frame{turn(pose.attitude, axis), turn(pose.attitude, along),
+                    turn(pose.attitude, across)};
   Vector from{};
   Vector variance{};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -688,14 +753,16 @@ void Oracle::integrate(const base::Ping& ping, const base::Pose& pose) {
   }
   if (ping.kind == base::ReturnKind::kNoReturn) {
     if (config_.no_return == model::NoReturnPolicy::kEmpty) {
-      carve(frame, from, nullptr, static_cast<double>(config_.detect_range_um) / cell_um_, kUnits / 8.0);
+      carve(frame, from, nullptr, static_cast<double>(config_.detect_range_um) / cell_um_,
+            kUnits / 8.0);
     }
   } else {
     const double range = static_cast<double>(ping.range_um) / cell_um_;
     const Slope bottom = slope(frame, from, range, variance);
     const Shell event = shell(frame, from, range, variance, bottom);
     add_shell(event, event.empty_range);
-    const double peak = table_.kernel_q15[event.level][model::kKernelPhases / 2][model::kKernelCentre] / 32768.0;
+    const double peak =
+        table_.kernel_q15[event.level][model::kKernelPhases / 2][model::kKernelCentre] / 32768.0;
     carve(frame, from, &event, event.empty_range, 0.5 * event.weight * peak);
   }
   // A voxel may be listed twice, by shell and cone; its increment counts once.
@@ -747,13 +814,14 @@ std::vector<double> Oracle::extract() const {
           const ColumnDepth& other = raw[column(n + i, e + j)];
           if (other.known) {
             const double d2 = i * i + j * j;
-            window.push_back({static_cast<double>(i), static_cast<double>(j), other.depth, d2 * d2,
-                              std::clamp(kUnits * min_variance_ / other.mass, 1.0 / 65536.0, 1024.0)});
+            window.push_back(
+                {static_cast<double>(i), static_cast<double>(j), other.depth, d2 * d2,
+                 std::clamp(kUnits * min_variance_ / other.mass, 1.0 / 65536.0, 1024.0)});
           }
         }
       }
-      if (!own.known &&
-          (window.size() < 3 || window.front().z - lit[column(n, e)] > model::kKernelCentre + 2.0)) {
+      if (!own.known && (window.size() < 3 ||
+                         window.front().z - lit[column(n, e)] > model::kKernelCentre + 2.0)) {
         continue;
       }
       double roughness = 0.05;
@@ -792,9 +860,11 @@ std::vector<double> Oracle::extract() const {
         double residual = 0.0;
         for (const Neighbour& at : window) {
           const double w = 1.0 / (at.noise + roughness * at.d4) / s;
-          residual += w * square(std::clamp(at.z - centre - slope_n * at.n - slope_e * at.e, -64.0, 64.0));
+          residual +=
+              w * square(std::clamp(at.z - centre - slope_n * at.n - slope_e * at.e, -64.0, 64.0));
         }
-        roughness = std::clamp(4.0 * std::max(0.0, residual - 0.5 * noise) / std::max(0.5, spread), 0.005, 10.0);
+        roughness = std::clamp(4.0 * std::max(0.0, residual - 0.5 * noise) / std::max(0.5, spread),
+                               0.005, 10.0);
       }
     }
   }

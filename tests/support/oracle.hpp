@@ -23,7 +23,7 @@ namespace leadline::test {
 struct Increment {
   double hit = 0.0;
   double miss = 0.0;
-  double allowed_hit = 0.0;   ///< stated table error, beyond the one unit of rounding
+  double allowed_hit = 0.0;  ///< stated table error, beyond the one unit of rounding
   double allowed_miss = 0.0;
   bool edge = false;  ///< within a rounding of a cut: may be written or left out
 };
@@ -53,7 +53,7 @@ class Oracle {
     double mass = 0.0;
     double gain = 0.0;
     double unchecked = 0.0;  ///< weight since the column was last looked at for saturation
-    double weight = 0.0;  ///< in the slope feedback, sixteenths of information per cell^2
+    double weight = 0.0;     ///< in the slope feedback, sixteenths of information per cell^2
   };
   [[nodiscard]] Record& record(int n, int e) { return records_[column(n, e)]; }
 
@@ -90,11 +90,13 @@ class Oracle {
 
   [[nodiscard]] std::size_t column(int n, int e) const;
   [[nodiscard]] std::size_t voxel(int n, int e, int k) const;
-  [[nodiscard]] Slope slope(const Frame& frame, const Vector& from, double range, const Vector& variance);
-  [[nodiscard]] Shell shell(const Frame& frame, const Vector& from, double range, const Vector& variance,
-                            const Slope& bottom);
+  [[nodiscard]] Slope slope(const Frame& frame, const Vector& from, double range,
+                            const Vector& variance);
+  [[nodiscard]] Shell shell(const Frame& frame, const Vector& from, double range,
+                            const Vector& variance, const Slope& bottom);
   void add_shell(const Shell& shell, double range);
-  void carve(const Frame& frame, const Vector& from, const Shell* shell, double range, double strength);
+  void carve(const Frame& frame, const Vector& from, const Shell* shell, double range,
+             double strength);
   [[nodiscard]] ColumnDepth column_depth(int n, int e) const;
   void rescale(int n, int e);
 
