@@ -87,16 +87,17 @@ void print_summary(const MapOptions& options, const MapStats& stats) {
   const std::string rejected = rejected_text(stats);
   const double pings_per_s =
       stats.integrate_seconds > 0 ? static_cast<double>(stats.pings) / stats.integrate_seconds : 0;
-  std::cout << "pings          " << stats.pings << (rejected.empty() ? "" : ", rejected: ")
-            << rejected << "\nintegration    " << decimals(stats.integrate_seconds, 3) << " s CPU, "
-            << decimals(pings_per_s, 0) << " pings/s; " << stats.counters.voxel_updates
-            << " voxel updates, at most " << stats.counters.max_voxels_per_ping
-            << " per ping (bound " << stats.counters.work_bound << ")\nmodel          "
-            << decimals(100.0 * stats.counters.known_fraction, 1) << " % of the voxels known, "
-            << decimals(stats.counters.entropy_bits, 0) << " bits open; map "
-            << hex(stats.counters.map_hash, 16) << ", table " << hex(stats.counters.table_crc, 8)
-            << "\nwritten to     " << options.out_dir
-            << ": model.llm, depth.asc, sigma.asc, depth.tif, depth.png,\n               stats.json\n";
+  std::cout
+      << "pings          " << stats.pings << (rejected.empty() ? "" : ", rejected: ") << rejected
+      << "\nintegration    " << decimals(stats.integrate_seconds, 3) << " s CPU, "
+      << decimals(pings_per_s, 0) << " pings/s; " << stats.counters.voxel_updates
+      << " voxel updates, at most " << stats.counters.max_voxels_per_ping << " per ping (bound "
+      << stats.counters.work_bound << ")\nmodel          "
+      << decimals(100.0 * stats.counters.known_fraction, 1) << " % of the voxels known, "
+      << decimals(stats.counters.entropy_bits, 0) << " bits open; map "
+      << hex(stats.counters.map_hash, 16) << ", table " << hex(stats.counters.table_crc, 8)
+      << "\nwritten to     " << options.out_dir
+      << ": model.llm, depth.asc, sigma.asc, depth.tif, depth.png,\n               stats.json\n";
 }
 
 }  // namespace

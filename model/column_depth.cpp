@@ -33,7 +33,8 @@ ColumnDepth first_moment(const Voxel* voxels, std::int32_t depth_cells, std::uin
       moment += static_cast<std::int64_t>(s) * (256 * k + 128);
     }
   }
-  return ColumnDepth{sum == 0 ? kUnknownDepth : static_cast<std::int32_t>(moment / sum), mass, false};
+  return ColumnDepth{sum == 0 ? kUnknownDepth : static_cast<std::int32_t>(moment / sum), mass,
+                     false};
 }
 
 ColumnDepth upper_crossing(const Voxel* voxels, std::int32_t depth_cells, std::uint32_t mass) {
@@ -98,17 +99,19 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
   }
   const auto total = static_cast<std::int64_t>(sum);
   const std::int64_t mean_q8 = moment1 * 256 / total;
-  const std::int64_t variance_q16 = max_of<std::int64_t>(0, moment2 * 65536 / total - mean_q8 * mean_q8);
+  const std::int64_t variance_q16 =
+      max_of<std::int64_t>(0, moment2 * 65536 / total - mean_q8 * mean_q8);
   const std::int64_t sigma_q8 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16));
   const std::int64_t wide_q8 = clamp<std::int64_t>((sigma_q8 * 7) >> 1, kNarrowest_q8, kWidest_q8);
 
   std::int64_t estimate_q8 = 256 * peak_k + 128 + mean_q8;
   const std::int64_t bottom_q8 = 256 * static_cast<std::int64_t>(depth_cells);
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    const std::int64_t window_q8 = max_of<std::int64_t>(
-        256, min_of(wide_q8, min_of(estimate_q8, bottom_q8 - estimate_q8)));
+    const std::int64_t window_q8 =
+        max_of<std::int64_t>(256, min_of(wide_q8, min_of(estimate_q8, bottom_q8 - estimate_q8)));
     const std::int64_t window2 = window_q8 * window_q8;
-    const auto first = static_cast<std::int32_t>(max_of<std::int64_t>(0, (estimate_q8 - window_q8) >> 8));
+    const auto first =
+        static_cast<std::int32_t>(max_of<std::int64_t>(0, (estimate_q8 - window_q8) >> 8));
     const auto last = static_cast<std::int32_t>(
         min_of<std::int64_t>(depth_cells - 1, (estimate_q8 + window_q8) >> 8));
     std::int64_t weight_sum = 0;

@@ -42,7 +42,8 @@ ProfileSummary gather_profile_scalar(const Voxel* voxels, std::int32_t depth_cel
     return static_cast<std::uint32_t>(evidence[k]) >> out.shift;
   };
   for (std::int32_t k = 0; k < depth_cells; ++k) {
-    const std::uint32_t value = at(k - 2) + 2U * at(k - 1) + 3U * at(k) + 2U * at(k + 1) + at(k + 2);
+    const std::uint32_t value =
+        at(k - 2) + 2U * at(k - 1) + 3U * at(k) + 2U * at(k + 1) + at(k + 2);
     smoothed[k] = static_cast<std::uint16_t>(value);
     out.peak = base::max_of(out.peak, value);
   }
@@ -75,8 +76,9 @@ namespace {
 // Dithers of the four voxels from `k` on.
 inline __m128i dither_lanes(std::uint32_t base, std::uint32_t k) {
   const __m128i start = _mm_set1_epi32(static_cast<int>(base + k * kDitherStep));
-  const __m128i lanes = _mm_set_epi32(static_cast<int>(3U * kDitherStep), static_cast<int>(2U * kDitherStep),
-                                      static_cast<int>(kDitherStep), 0);
+  const __m128i lanes =
+      _mm_set_epi32(static_cast<int>(3U * kDitherStep), static_cast<int>(2U * kDitherStep),
+                    static_cast<int>(kDitherStep), 0);
   return _mm_add_epi32(start, lanes);
 }
 
@@ -106,7 +108,8 @@ inline void accumulate(Voxel* voxels, __m128i increment) {
 
 // Hit (or miss) halves of eight voxels as 16-bit lanes: sign-extended so that packing keeps the bits.
 inline __m128i low_halves(__m128i a, __m128i b) {
-  return _mm_packs_epi32(_mm_srai_epi32(_mm_slli_epi32(a, 16), 16), _mm_srai_epi32(_mm_slli_epi32(b, 16), 16));
+  return _mm_packs_epi32(_mm_srai_epi32(_mm_slli_epi32(a, 16), 16),
+                         _mm_srai_epi32(_mm_slli_epi32(b, 16), 16));
 }
 inline __m128i high_halves(__m128i a, __m128i b) {
   return _mm_packs_epi32(_mm_srai_epi32(a, 16), _mm_srai_epi32(b, 16));
@@ -137,11 +140,14 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
     if (k + 8 > depth_cells) {
       // The next column's voxels do not belong here.
       const __m128i lanes = _mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0);
-      value = _mm_and_si128(value, _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<std::int16_t>(depth_cells - k)), lanes));
+      value = _mm_and_si128(
+          value,
+          _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<std::int16_t>(depth_cells - k)), lanes));
     }
     store(evidence + k, value);
     any = _mm_or_si128(any, value);
-    sum = _mm_add_epi32(sum, _mm_add_epi32(_mm_unpacklo_epi16(value, zero), _mm_unpackhi_epi16(value, zero)));
+    sum = _mm_add_epi32(
+        sum, _mm_add_epi32(_mm_unpacklo_epi16(value, zero), _mm_unpackhi_epi16(value, zero)));
   }
   store(evidence + depth_cells, zero);
   store(evidence + depth_cells + 8, zero);
@@ -158,13 +164,18 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
   const __m128i shift = _mm_cvtsi32_si128(static_cast<int>(out.shift));
   __m128i peak = zero;
   for (std::int32_t k = 0; k < depth_cells; k += 8) {
-    const auto at = [&](std::int32_t offset) { return _mm_srl_epi16(load(evidence + k + offset), shift); };
+    const auto at = [&](std::int32_t offset) {
+      return _mm_srl_epi16(load(evidence + k + offset), shift);
+    };
     const __m128i centre = at(0);
     const __m128i near = _mm_add_epi16(_mm_add_epi16(at(-1), at(1)), centre);
-    __m128i value = _mm_add_epi16(_mm_add_epi16(near, near), _mm_add_epi16(centre, _mm_add_epi16(at(-2), at(2))));
+    __m128i value = _mm_add_epi16(_mm_add_epi16(near, near),
+                                  _mm_add_epi16(centre, _mm_add_epi16(at(-2), at(2))));
     if (k + 8 > depth_cells) {
       const __m128i lanes = _mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0);
-      value = _mm_and_si128(value, _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<std::int16_t>(depth_cells - k)), lanes));
+      value = _mm_and_si128(
+          value,
+          _mm_cmpgt_epi16(_mm_set1_epi16(static_cast<std::int16_t>(depth_cells - k)), lanes));
     }
     store(smoothed + k, value);
     peak = _mm_max_epi16(peak, value);
@@ -184,11 +195,9 @@ void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count, std:
   const __m128i step = _mm_set1_epi32(static_cast<int>(4U * kDitherStep));
   __m128i lanes = dither_lanes(dither_base, first);
   for (std::int32_t i = 0; i < count; i += 4) {
-    const __m128i tap = _mm_unpacklo_epi16(
-        load_low(taps + i), _mm_setzero_si128());
+    const __m128i tap = _mm_unpacklo_epi16(load_low(taps + i), _mm_setzero_si128());
     const __m128i dither = _mm_srli_epi32(lanes, 10);
-    const __m128i hit =
-        _mm_srli_epi32(_mm_add_epi32(_mm_madd_epi16(tap, hit_weight), dither), 22);
+    const __m128i hit = _mm_srli_epi32(_mm_add_epi32(_mm_madd_epi16(tap, hit_weight), dither), 22);
     const __m128i miss =
         _mm_srli_epi32(_mm_add_epi32(_mm_madd_epi16(tap, miss_weight), dither), 22);
     const __m128i increment = pack_halves(hit, miss);

@@ -38,8 +38,7 @@ base::Status check_config(const ModelConfig& config) {
   if (voxels > kVoxelCapacity) {
     return base::Status::kOverCapacity;
   }
-  const std::int64_t longest_um =
-      static_cast<std::int64_t>(kMaxRangeCells) * config.cell_mm * 1000;
+  const std::int64_t longest_um = static_cast<std::int64_t>(kMaxRangeCells) * config.cell_mm * 1000;
   if (config.min_range_um < 0 || config.max_range_um <= config.min_range_um ||
       config.max_range_um > base::kMaxRange_um || config.max_range_um > longest_um) {
     return base::Status::kOutOfRange;

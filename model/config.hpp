@@ -27,8 +27,8 @@ struct ModelConfig {
   std::uint16_t schema_version;  ///< kConfigSchemaVersion
   Rule rule;
   NoReturnPolicy no_return;
-  std::int32_t cell_mm;          ///< side of a voxel, 1 .. 1'000'000
-  std::int32_t size[3];          ///< cells north, east, down; 1 .. kMaxSideCells (down: kMaxDepthCells)
+  std::int32_t cell_mm;  ///< side of a voxel, 1 .. 1'000'000
+  std::int32_t size[3];  ///< cells north, east, down; 1 .. kMaxSideCells (down: kMaxDepthCells)
   std::int64_t origin_mm[3];     ///< NED of the numerically lowest corner; cells are half-open
   std::int64_t min_range_um;     ///< shorter ranges are rejected and carve nothing
   std::int64_t max_range_um;     ///< longer ranges are rejected; the signal drowns in noise here

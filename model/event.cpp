@@ -52,7 +52,8 @@ struct FirstReturn {
 
 FirstReturn first_return(const FirstReturnEntry* entries, std::uint32_t sine_q12) {
   const std::uint32_t index = min_of<std::uint32_t>(sine_q12 >> 4U, kIncidenceSteps - 1);
-  const auto fraction_q4 = static_cast<std::int64_t>(min_of<std::uint32_t>(sine_q12 - (index << 4U), 16));
+  const auto fraction_q4 =
+      static_cast<std::int64_t>(min_of<std::uint32_t>(sine_q12 - (index << 4U), 16));
   const FirstReturnEntry& a = entries[index];
   const FirstReturnEntry& b = entries[index + 1];
   const auto between = [fraction_q4](std::int64_t from, std::int64_t to) {
@@ -84,8 +85,7 @@ Lateral whiten(std::int64_t b1n, std::int64_t b1e, std::int64_t b2n, std::int64_
   out.m12_q16 = mul_shift(b1e, inverse1_q16, 14);
   out.m21_q16 = mul_shift(b2n - mul_shift(slant_q14, b1n, 14), inverse2_q16, 14);
   out.m22_q16 = mul_shift(b2e - mul_shift(slant_q14, b1e, 14), inverse2_q16, 14);
-  std::int64_t determinant_q16 =
-      (out.m11_q16 * out.m22_q16 - out.m12_q16 * out.m21_q16) >> 16;
+  std::int64_t determinant_q16 = (out.m11_q16 * out.m22_q16 - out.m12_q16 * out.m21_q16) >> 16;
   determinant_q16 = determinant_q16 < 0 ? -determinant_q16 : determinant_q16;
   // half extent = cut * sqrt(C_nn), C = (M^T M)^-1
   const auto column_e_q16 = static_cast<std::int64_t>(
@@ -124,8 +124,9 @@ void place(ShellEvent& event, const Scale& scale, const Lateral& lateral, std::i
   };
   event.depth_dn_q16 = step(depth_dn_q16);
   event.depth_de_q16 = step(depth_de_q16);
-  event.plane0_q16 = depth_centre_q16 + ((depth_dn_q16 * (kHalf - north_q16) +
-                                          depth_de_q16 * (kHalf - east_q16)) >> 16);
+  event.plane0_q16 =
+      depth_centre_q16 +
+      ((depth_dn_q16 * (kHalf - north_q16) + depth_de_q16 * (kHalf - east_q16)) >> 16);
   const std::int64_t n0 = first(north_q16 - half_n);
   const std::int64_t n1 = last(north_q16 + half_n, scale.size[0]);
   const std::int64_t e0 = first(east_q16 - half_e);
@@ -154,8 +155,7 @@ void place(ShellEvent& event, const Scale& scale, const Lateral& lateral, std::i
   event.eta_de_q16 = step(lateral.m22_q16);
   event.xi0_q16 = narrow((lateral.m11_q16 * dn + lateral.m12_q16 * de) >> 16);
   event.eta0_q16 = narrow((lateral.m21_q16 * dn + lateral.m22_q16 * de) >> 16);
-  event.depth0_q16 =
-      narrow(depth_centre_q16 + ((depth_dn_q16 * dn + depth_de_q16 * de) >> 16));
+  event.depth0_q16 = narrow(depth_centre_q16 + ((depth_dn_q16 * dn + depth_de_q16 * de) >> 16));
 }
 
 std::uint8_t profile_class(std::int64_t beam_q12, std::int64_t total_q12) {
@@ -246,7 +246,8 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   std::int64_t ge = slope.east_q12;
   std::int64_t steepness_q24 = gn * gn + ge * ge;
   if (steepness_q24 > static_cast<std::int64_t>(kMaxSlope_q12) * kMaxSlope_q12) {
-    const auto length = static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(steepness_q24)));
+    const auto length =
+        static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(steepness_q24)));
     gn = gn * kMaxSlope_q12 / length;
     ge = ge * kMaxSlope_q12 / length;
     steepness_q24 = gn * gn + ge * ge;
@@ -278,12 +279,14 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
     if (horizontal_q30 > (1 << 20)) {
       hn = un * (1 << 14) / horizontal_q30;
       he = ue * (1 << 14) / horizontal_q30;
-      rise_q12 = clamp<std::int64_t>(uz * (1 << 12) / horizontal_q30, -kMaxSlope_q12, kMaxSlope_q12);
+      rise_q12 =
+          clamp<std::int64_t>(uz * (1 << 12) / horizontal_q30, -kMaxSlope_q12, kMaxSlope_q12);
     }
     const std::int64_t patch_q12 = scaled_q12(table.beam_variance_across_q30);
     const std::int64_t lateral_q12 = patch_q12 + pointing_q12;
     const std::int64_t radial_q12 = mul_shift(scale.sigma_range_q12, scale.sigma_range_q12, 12);
-    const std::int64_t c11 = radial_q12 + ((hn * hn * position_n_q12 + he * he * position_e_q12) >> 28) +
+    const std::int64_t c11 = radial_q12 +
+                             ((hn * hn * position_n_q12 + he * he * position_e_q12) >> 28) +
                              kCellVariance_q12;
     const std::int64_t c22 = lateral_q12 +
                              ((he * he * position_n_q12 + hn * hn * position_e_q12) >> 28) +
@@ -292,20 +295,22 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
     const std::int64_t variance_q12 = scaled_q12(table.beam_variance_along_q30) + pointing_q12 +
                                       sighting.position_variance_q12[2] + kFloorVariance_q12;
     event.level = kernel_level(variance_q12);
-    event.weight_q7 = event_weight_q7(scale.min_variance_q12,
-                                      max_of(radial_q12 + kFloorVariance_q12, scale.min_variance_q12));
+    event.weight_q7 = event_weight_q7(
+        scale.min_variance_q12, max_of(radial_q12 + kFloorVariance_q12, scale.min_variance_q12));
     event.profile_class = profile_class(patch_q12, c22);
     event.blur_q8 = saturate_q8(c22 + position_n_q12 + position_e_q12);
     place(event, scale, lateral, end_n, end_e, sighting.origin_q16[2] + mul_shift(range, uz, 30),
           (rise_q12 * hn) >> 10, (rise_q12 * he) >> 10);
-    const auto radial_sigma_q12 = static_cast<std::int64_t>(
-        sqrt_u64(static_cast<std::uint64_t>(c11) << 12U));
+    const auto radial_sigma_q12 =
+        static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(c11) << 12U));
     // Two radial deviations before a standing shell; before one that the beam meets from above or below,
     // the reach of its kernel.
     const std::int64_t uz_abs = uz < 0 ? -uz : uz;
-    const std::int64_t clearance_q10 = max_of(mul_shift(radial_sigma_q12 >> 1, horizontal_q30, 30),
-                                              mul_shift(kernel_reach_q16(event.level) >> 6, uz_abs, 30));
-    event.empty_range_q10 = static_cast<std::int32_t>(max_of<std::int64_t>(0, (range >> 6) - clearance_q10));
+    const std::int64_t clearance_q10 =
+        max_of(mul_shift(radial_sigma_q12 >> 1, horizontal_q30, 30),
+               mul_shift(kernel_reach_q16(event.level) >> 6, uz_abs, 30));
+    event.empty_range_q10 =
+        static_cast<std::int32_t>(max_of<std::int64_t>(0, (range >> 6) - clearance_q10));
     return event;
   }
 
@@ -382,13 +387,16 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   const std::int64_t across_q12 = scaled_q12(patch_across_q30) + pointing_q12;
   const std::int64_t spread_n_q12 = position_n_q12 + kCellVariance_q12;
   const std::int64_t spread_e_q12 = position_e_q12 + kCellVariance_q12;
-  const std::int64_t c11 = along_q12 + ((b1n * b1n * spread_n_q12 + b1e * b1e * spread_e_q12) >> 28);
-  const std::int64_t c22 = across_q12 + ((b2n * b2n * spread_n_q12 + b2e * b2e * spread_e_q12) >> 28);
+  const std::int64_t c11 =
+      along_q12 + ((b1n * b1n * spread_n_q12 + b1e * b1e * spread_e_q12) >> 28);
+  const std::int64_t c22 =
+      across_q12 + ((b2n * b2n * spread_n_q12 + b2e * b2e * spread_e_q12) >> 28);
   const std::int64_t c12 = (b1n * b2n * spread_n_q12 + b1e * b2e * spread_e_q12) >> 28;
   const Lateral lateral = whiten(b1n, b1e, b2n, b2e, c11, c12, c22);
 
   event.level = kernel_level(variance_q12);
-  event.weight_q7 = event_weight_q7(scale.min_variance_q12, max_of(variance_q12, scale.min_variance_q12));
+  event.weight_q7 =
+      event_weight_q7(scale.min_variance_q12, max_of(variance_q12, scale.min_variance_q12));
   event.profile_class = profile_class(scaled_q12(patch_along_q30), c11);
   event.blur_q8 = saturate_q8((c11 + c22) / 2 + position_n_q12 + position_e_q12);
   place(event, scale, lateral, centre_n, centre_e, centre_depth_q16, gn * 16, ge * 16);
@@ -423,12 +431,22 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   cone.radius_q10 = kTouch_q10 + mul_shift(cone.growth_q20, range_q10, 20);
   const std::int64_t growth_down_q30 = mul_shift(cone.growth_q20, cone.down_q30, 20);
   cone.a_q30 = mul_shift(cone.horizontal_q30, cone.horizontal_q30, 30) -
-               mul_shift(growth_down_q30, growth_down_q30, 30);
+               mul_shift(growth_down_q30 >> 4, growth_down_q30 >> 4, 22);
   // 1/4096: a flatter axis leaves its end upright, which over a radius of 40 cells is a hundredth of one.
-  cone.inverse_a_q16 = cone.a_q30 > -(1 << 20) && cone.a_q30 < (1 << 20) ? 0 : (1LL << 46) / cone.a_q30;
+  cone.inverse_a_q16 =
+      cone.a_q30 > -(1 << 20) && cone.a_q30 < (1 << 20) ? 0 : (1LL << 46) / cone.a_q30;
   constexpr std::int64_t kLevel_q30 = 1 << 18;
   cone.inverse_down_q12 =
       cone.down_q30 > kLevel_q30 || cone.down_q30 < -kLevel_q30 ? (1LL << 42) / cone.down_q30 : 0;
+  // Largest B and C of any column that the cone can reach; a beam of 80 degrees has a growth of 5.7.
+  const auto bits = [](std::int64_t value) {
+    return 64 - base::leading_zeros64(static_cast<std::uint64_t>(value < 0 ? -value : value));
+  };
+  const std::int64_t reach_q10 = range_q10 + cone.radius_q10;
+  const std::int64_t growth2_q20 = mul_shift(cone.growth_q20, cone.growth_q20, 20);
+  const int bits_b = bits(mul_shift(reach_q10, (1LL << 20) + growth2_q20, 10)) + 1;
+  const int bits_c = 2 * bits(mul_shift(reach_q10, (1LL << 20) + cone.growth_q20, 20)) + 1;
+  cone.drop = max_of(0, max_of(bits_b - 31, (bits(cone.a_q30 >> 6) + bits_c - 61) / 2));
   return cone;
 }
 
@@ -438,14 +456,16 @@ ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
   // |x| < 16000 cells: p_q20 below 2^34.
   const std::int64_t p_q20 = mul_shift(cone.horizontal_q30, x_q10, 20);
   const std::int64_t gp_q20 = mul_shift(cone.growth_q20, p_q20, 20);
-  const std::int64_t b_q20 =
-      mul_shift(cone.down_q30,
-                p_q20 + mul_shift(cone.growth_q20, gp_q20, 20) + ((cone.growth_q20 * kTouch_q10) >> 10), 30);
+  // (1 + g^2) p below 2^38: 8000 cells of an 80 degree beam.
+  const std::int64_t b_q20 = mul_shift(
+      cone.down_q30 >> 6,
+      p_q20 + mul_shift(cone.growth_q20, gp_q20, 20) + ((cone.growth_q20 * kTouch_q10) >> 10), 24);
   const std::int64_t sx_q10 = mul_shift(cone.down_q30, x_q10, 30);
   const std::int64_t radius_q10 = kTouch_q10 + (gp_q20 >> 10);
   const std::int64_t c_q20 = sx_q10 * sx_q10 + y_q10 * y_q10 - radius_q10 * radius_q10;
-  // B below 2^31 (2000 cells): B^2 below 2^62; A <= 1 in Q24 times C below 2^36.
-  std::int64_t disc_q40 = b_q20 * b_q20 - mul_shift(cone.a_q30 >> 6, c_q20, 4);
+  const std::int64_t b_short = b_q20 >> cone.drop;
+  std::int64_t disc_q40 =
+      b_short * b_short - mul_shift(cone.a_q30 >> 6, c_q20 >> (2 * cone.drop), 4);
   if (disc_q40 < 0) {
     if (cone.a_q30 >= 0) {
       return kOutside;
@@ -454,23 +474,26 @@ ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
     // discriminant, g^2 times the squared offset, is a small difference that rounding turns negative.
     disc_q40 = 0;
   }
-  const auto root_q20 = static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40)));
+  const std::int64_t root_q20 =
+      static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40))) << cone.drop;
   // The two roots without cancellation: q / A and C / q.
   const std::int64_t q_q20 = b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20;
-  const std::int64_t one_q10 = q_q20 == 0 ? 0 : clamp(c_q20 * (1 << 10) / q_q20, -kFar_q10, kFar_q10);
+  const std::int64_t one_q10 =
+      q_q20 == 0 ? 0 : clamp(c_q20 * (1 << 10) / q_q20, -kFar_q10, kFar_q10);
   const std::int64_t other_sign = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
-  // |q| < 2^33 (8000 cells), 1/A < 2^26: the product stays below 2^59. Close to the vertical A is small
-  // and worth a division.
+  // |q| < 2^39 (8000 cells of an 80 degree beam), 1/A < 2^26: less 6 bits, below 2^59. Close to the
+  // vertical A is small and worth a division.
   std::int64_t other_q10 = other_sign;
   if (cone.inverse_a_q16 != 0) {
-    other_q10 = clamp(mul_shift(q_q20, cone.inverse_a_q16, 26), -kFar_q10, kFar_q10);
+    other_q10 = clamp(mul_shift(q_q20 >> 6, cone.inverse_a_q16, 20), -kFar_q10, kFar_q10);
   } else if (cone.a_q30 <= -16 || cone.a_q30 >= 16) {
     other_q10 = clamp(q_q20 * (1 << 20) / cone.a_q30, -kFar_q10, kFar_q10);
   }
   ColumnSpan span{min_of(one_q10, other_q10), max_of(one_q10, other_q10)};
   if (cone.a_q30 < 0) {
     // The vertical runs inside the opening: forward of the farther root only.
-    span = cone.down_q30 > 0 ? ColumnSpan{span.bottom_q10, kFar_q10} : ColumnSpan{-kFar_q10, span.top_q10};
+    span = cone.down_q30 > 0 ? ColumnSpan{span.bottom_q10, kFar_q10}
+                             : ColumnSpan{-kFar_q10, span.top_q10};
   }
   // Slant distance p + s z between the transducer and the end.
   const std::int64_t p_q10 = p_q20 >> 10;

@@ -39,17 +39,17 @@ struct Slope {
 
 /// Numbers that depend on configuration and table only, computed once.
 struct Scale {
-  std::int64_t inverse_cell_q46;   ///< cells per micrometre * 2^46
+  std::int64_t inverse_cell_q46;  ///< cells per micrometre * 2^46
   std::int64_t origin_um[3];
   std::int32_t cell_um;
   std::int32_t size[3];
-  std::int64_t sigma_range_q12;      ///< cells
-  std::int64_t min_variance_q12;     ///< smallest shell variance that a ping can have, cells^2
-  std::int32_t max_range_q16;        ///< cells
-  std::int32_t footprint_cells;      ///< largest half-width of a shell event
-  std::int32_t cone_tan_q20;         ///< half-angle of the empty cone, tan: the wider of the two below
-  std::int32_t tan_along_q20;        ///< beam envelope in its along plane
-  std::int32_t tan_across_q20;       ///< and in its across plane
+  std::int64_t sigma_range_q12;   ///< cells
+  std::int64_t min_variance_q12;  ///< smallest shell variance that a ping can have, cells^2
+  std::int32_t max_range_q16;     ///< cells
+  std::int32_t footprint_cells;   ///< largest half-width of a shell event
+  std::int32_t cone_tan_q20;      ///< half-angle of the empty cone, tan: the wider of the two below
+  std::int32_t tan_along_q20;     ///< beam envelope in its along plane
+  std::int32_t tan_across_q20;    ///< and in its across plane
   std::uint32_t confidence_scale_q22;  ///< 64 entries per max_range: index = range_q10 * this >> 22
 };
 
@@ -70,13 +70,13 @@ struct ShellEvent {
   std::int32_t eta0_q16, eta_dn_q16, eta_de_q16;
   std::int32_t depth0_q16, depth_dn_q16, depth_de_q16;
   std::int64_t plane0_q16;  ///< depth of the same plane over column (0, 0), for the cone
-  std::uint32_t weight_q7;      ///< evidence of the event at its centre, 0 .. 32767
+  std::uint32_t weight_q7;  ///< evidence of the event at its centre, 0 .. 32767
   /// Lateral variance per axis by which the event blurs the map, its own displacement by the position
   /// error included; cells^2, saturated.
   std::uint16_t blur_q8;
-  std::uint8_t level;           ///< kernel level
+  std::uint8_t level;  ///< kernel level
   std::uint8_t profile_class;
-  bool wall;                    ///< the shell stands upright (see make_shell)
+  bool wall;  ///< the shell stands upright (see make_shell)
   /// Slant range up to which the cone is surely empty, cells Q10 from the transducer.
   std::int32_t empty_range_q10;
 };
@@ -111,16 +111,17 @@ inline constexpr std::int32_t kGrazingCosine_q30 = 214748365;  // 0.2
 ///   C = (s x)^2 + y^2 - (kTouch + g p)^2
 /// with c, s the horizontal and vertical parts of the axis and g the growth.
 struct Cone {
-  std::int64_t horizontal_q30;  ///< c, 0..1
-  std::int64_t down_q30;        ///< s, -1..1
+  std::int64_t horizontal_q30;     ///< c, 0..1
+  std::int64_t down_q30;           ///< s, -1..1
   std::int64_t heading_north_q20;  ///< unit vector of the axis' horizontal direction
   std::int64_t heading_east_q20;
   std::int64_t growth_q20;
   std::int64_t a_q30;
-  std::int64_t inverse_a_q16;     ///< 1 / A, 0 when |A| is below 2^-10
+  std::int64_t inverse_a_q16;  ///< 1 / A, 0 when |A| is below 2^-10
   std::int64_t range_q10;
   std::int64_t radius_q10;        ///< at the far end, the largest
   std::int64_t inverse_down_q12;  ///< 1 / s, 0 when the axis is nearly horizontal
+  int drop;  ///< bits that B gives up so that B^2 and A C fit; 0 for short ranges
 };
 
 /// Half the diagonal of a voxel: a cone at least this thick touches every voxel that its axis crosses,

@@ -64,7 +64,8 @@ Plane solve(const PlaneSums& sums) {
   std::int64_t cnz = sums.s * sums.snz - sums.sn * sums.sz;
   std::int64_t cez = sums.s * sums.sez - sums.se * sums.sz;
   const auto magnitude = [](std::int64_t v) { return static_cast<std::uint64_t>(v < 0 ? -v : v); };
-  const int bits = 64 - base::leading_zeros64(magnitude(cnn) | magnitude(cee) | magnitude(cnz) | magnitude(cez));
+  const int bits =
+      64 - base::leading_zeros64(magnitude(cnn) | magnitude(cee) | magnitude(cnz) | magnitude(cez));
   const int shift = max_of(0, bits - 40);
   cnn = max_of<std::int64_t>(cnn >> shift, 1);
   cee = max_of<std::int64_t>(cee >> shift, 1);
@@ -77,8 +78,8 @@ Plane solve(const PlaneSums& sums) {
   const std::int64_t east_q14 = ratio(cez - ((north_q14 * cne) >> 6), cee, 6);
   const std::int64_t centre_q14 =
       (sums.sz * 64 - north_q14 * sums.sn - east_q14 * sums.se) / sums.s;
-  return Plane{static_cast<std::int32_t>((centre_q14 + 32) >> 6), static_cast<std::int32_t>(north_q14 >> 6),
-               static_cast<std::int32_t>(east_q14 >> 6)};
+  return Plane{static_cast<std::int32_t>((centre_q14 + 32) >> 6),
+               static_cast<std::int32_t>(north_q14 >> 6), static_cast<std::int32_t>(east_q14 >> 6)};
 }
 
 // One past the deepest voxel with evidence of either kind; 0 when there is none.
@@ -96,11 +97,13 @@ void Model::extract_raw(DepthMethod method) {
   const std::int32_t depth_cells = scale_.size[2];
   for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {
     ColumnRecord& record = grid_.column(column);
-    const ColumnDepth found = column_depth(grid_.column_voxels(column), depth_cells, method, config_.rule);
+    const ColumnDepth found =
+        column_depth(grid_.column_voxels(column), depth_cells, method, config_.rule);
     results_[column].raw_q8 = found.depth_q8;
     results_[column].mass = found.mass;
-    record.flags = static_cast<std::uint8_t>(
-        found.multi_surface ? record.flags | kColumnMultiSurface : record.flags & ~kColumnMultiSurface);
+    record.flags =
+        static_cast<std::uint8_t>(found.multi_surface ? record.flags | kColumnMultiSurface
+                                                      : record.flags & ~kColumnMultiSurface);
     record.flags = static_cast<std::uint8_t>(record.flags & ~kColumnDirty);
   }
 }
@@ -109,7 +112,8 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
   ColumnResult& own = results_[grid_.column_index(n, e)];
   own.depth_q8 = kUnknownDepth;
   const bool voteless = own.raw_q8 == kUnknownDepth;
-  const std::int32_t lit = voteless ? evidence_end(grid_.column_voxels(grid_.column_index(n, e)), scale_.size[2]) : 0;
+  const std::int32_t lit =
+      voteless ? evidence_end(grid_.column_voxels(grid_.column_index(n, e)), scale_.size[2]) : 0;
   if (voteless && lit == 0) {
     return;
   }
@@ -131,8 +135,9 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
       // A column that a beam has lit without a vote of its own speaks through its neighbours.
       reference_q8 = reference_q8 == kUnknownDepth ? other.raw_q8 : reference_q8;
       const std::int32_t distance2 = i * i + j * j;
-      window[count] = Neighbour{i, j, clamp(other.raw_q8 - reference_q8, -32768, 32767), distance2 * distance2,
-                                clamp<std::int64_t>(unit_q16 / other.mass, 1, 1 << 26)};
+      window[count] =
+          Neighbour{i, j, clamp(other.raw_q8 - reference_q8, -32768, 32767), distance2 * distance2,
+                    clamp<std::int64_t>(unit_q16 / other.mass, 1, 1 << 26)};
       ++count;
     }
   }
@@ -162,7 +167,8 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
     std::int64_t residual = 0;
     std::int64_t noise = 0;
     for (int i = 0; i < count; ++i) {
-      const std::int64_t fit = plane.centre_q8 + static_cast<std::int64_t>(plane.north_q8) * window[i].n +
+      const std::int64_t fit = plane.centre_q8 +
+                               static_cast<std::int64_t>(plane.north_q8) * window[i].n +
                                static_cast<std::int64_t>(plane.east_q8) * window[i].e;
       const std::int64_t miss = clamp<std::int64_t>(window[i].z_q8 - fit, -16384, 16384);
       residual += weights[i] * miss * miss;
@@ -173,15 +179,15 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
     if (pass == 1) {
       own.depth_q8 = clamp(reference_q8 + plane.centre_q8, 0, 256 * scale_.size[2]);
       // Variance of the smoothed depth, kept in sigma_q12 as Q16 variance until assess_column().
-      own.sigma_q12 = static_cast<std::uint32_t>(
-          clamp<std::int64_t>((1LL << 40) / max_of<std::int64_t>(sums.s << shift, 1), 1, 1LL << 30));
+      own.sigma_q12 = static_cast<std::uint32_t>(clamp<std::int64_t>(
+          (1LL << 40) / max_of<std::int64_t>(sums.s << shift, 1), 1, 1LL << 30));
       return;
     }
     // What the plane leaves beyond noise is terrain: let it narrow the window of the second pass.
     const std::int64_t spread_q8 = max_of<std::int64_t>(128, ((sums.snn + sums.see) << 8) / sums.s);
     const std::int64_t excess_q16 = max_of<std::int64_t>(0, residual_q16 - noise_q16 / 2);
-    roughness_q16 = clamp<std::int64_t>(kRoughnessGain * (excess_q16 << 8) / spread_q8, kRoughnessLeast_q16,
-                                        kRoughnessMost_q16);
+    roughness_q16 = clamp<std::int64_t>(kRoughnessGain * (excess_q16 << 8) / spread_q8,
+                                        kRoughnessLeast_q16, kRoughnessMost_q16);
   }
 }
 
@@ -221,7 +227,8 @@ void Model::assess_column(std::int32_t n, std::int32_t e) {
   const ColumnRecord& record = grid_.column(grid_.column_index(n, e));
 
   // Blur: relief that a plane leaves over three by three columns at the distance of the events' blur.
-  const auto blur_sigma_q8 = static_cast<std::int32_t>(base::sqrt_u32(static_cast<std::uint32_t>(record.blur_q8) << 8U));
+  const auto blur_sigma_q8 =
+      static_cast<std::int32_t>(base::sqrt_u32(static_cast<std::uint32_t>(record.blur_q8) << 8U));
   std::int32_t stride = clamp((3 * blur_sigma_q8 / 2 + 128) >> 8, 1, kMaxFootprintCells);
   stride = max_of(1, min_of(stride, (min_of(scale_.size[0], scale_.size[1]) - 1) / 2));
   const std::int32_t window_n = clamp(n, stride, max_of(stride, scale_.size[0] - 1 - stride));
@@ -253,7 +260,8 @@ void Model::assess_column(std::int32_t n, std::int32_t e) {
       squares += static_cast<std::int64_t>(z) * z;
     }
     blur_q16 = max_of<std::int64_t>(
-        0, (squares - sums.sz * sums.sz / 9 - sums.snz * sums.snz / 6 - sums.sez * sums.sez / 6) / 6);
+        0,
+        (squares - sums.sz * sums.sz / 9 - sums.snz * sums.snz / 6 - sums.sez * sums.sez / 6) / 6);
   }
 
   // Relief: how much the slope differs from its surroundings, near (4 cells) and regional (32 cells).
@@ -289,12 +297,15 @@ void Model::assess_column(std::int32_t n, std::int32_t e) {
   std::int64_t variance_q16 =
       ((kNoiseFactor_q8 * noise_q16 + kBlurFactor_q8 * blur_q16 +
         kReliefFactor_q8 * (near_q24 >> 8) +
-        kRegistrationFactor_q8 * mul_shift(regional_q24, registration_q12_, 20)) >> 8) +
+        kRegistrationFactor_q8 * mul_shift(regional_q24, registration_q12_, 20)) >>
+       8) +
       kFloor_q16;
   // Declared correlated errors: a floor, never averaged.
   variance_q16 += correlated_q12_[2] << 4;
-  variance_q16 += mul_shift(static_cast<std::int64_t>(slope.north_q12) * slope.north_q12, correlated_q12_[0], 20);
-  variance_q16 += mul_shift(static_cast<std::int64_t>(slope.east_q12) * slope.east_q12, correlated_q12_[1], 20);
+  variance_q16 += mul_shift(static_cast<std::int64_t>(slope.north_q12) * slope.north_q12,
+                            correlated_q12_[0], 20);
+  variance_q16 +=
+      mul_shift(static_cast<std::int64_t>(slope.east_q12) * slope.east_q12, correlated_q12_[1], 20);
   own.sigma_q12 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16) << 8U);
 }
 

@@ -10,8 +10,7 @@ constexpr std::uint64_t kFnvPrime = 0x100000001B3ULL;
 
 std::uint64_t hash_column(std::uint64_t hash, const Voxel* voxels, std::int32_t depth) {
   for (std::int32_t k = 0; k < depth; ++k) {
-    const std::uint32_t word =
-        voxels[k].hit | (static_cast<std::uint32_t>(voxels[k].miss) << 16U);
+    const std::uint32_t word = voxels[k].hit | (static_cast<std::uint32_t>(voxels[k].miss) << 16U);
     hash = (hash ^ word) * kFnvPrime;
   }
   return hash;
@@ -26,9 +25,9 @@ base::Status Grid::configure(const std::int32_t size[3]) {
   }
   const std::int32_t tiles_north = (size[0] + kTileCells - 1) / kTileCells;
   const std::int32_t tiles_east = (size[1] + kTileCells - 1) / kTileCells;
-  const std::uint64_t columns =
-      static_cast<std::uint64_t>(tiles_north) * static_cast<std::uint64_t>(tiles_east) *
-      static_cast<std::uint64_t>(kTileCells * kTileCells);
+  const std::uint64_t columns = static_cast<std::uint64_t>(tiles_north) *
+                                static_cast<std::uint64_t>(tiles_east) *
+                                static_cast<std::uint64_t>(kTileCells * kTileCells);
   const std::uint64_t voxels = columns * static_cast<std::uint64_t>(size[2]);
   if (columns > kColumnCapacity || voxels > kVoxelCapacity) {
     return base::Status::kOverCapacity;

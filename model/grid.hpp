@@ -31,14 +31,15 @@ enum ColumnFlags : std::uint8_t {
 
 /// Side record of one column, outside the voxels: derived or auxiliary, never the source of a depth.
 struct ColumnRecord {
-  std::int32_t depth_q8;         ///< cached column depth for the slope feedback, or kUnknownDepth
-  std::uint32_t mass;            ///< sum of hit at the time of that extraction
-  std::uint32_t gain;            ///< weight added since
-  std::uint32_t unchecked;       ///< weight added since the column was last looked at for saturation
-  std::uint32_t last_touch_ds;   ///< age: time of the last event, 0.1 s, low 32 bits of t_us / 1e5
-  std::uint16_t blur_q8;         ///< running mean of the events' lateral variance, cells^2
-  std::uint8_t flags;            ///< ColumnFlags
-  std::uint8_t slope_weight_q4;  ///< weight of `depth_q8` in the slope feedback, information per cell^2
+  std::int32_t depth_q8;        ///< cached column depth for the slope feedback, or kUnknownDepth
+  std::uint32_t mass;           ///< sum of hit at the time of that extraction
+  std::uint32_t gain;           ///< weight added since
+  std::uint32_t unchecked;      ///< weight added since the column was last looked at for saturation
+  std::uint32_t last_touch_ds;  ///< age: time of the last event, 0.1 s, low 32 bits of t_us / 1e5
+  std::uint16_t blur_q8;        ///< running mean of the events' lateral variance, cells^2
+  std::uint8_t flags;           ///< ColumnFlags
+  std::uint8_t
+      slope_weight_q4;  ///< weight of `depth_q8` in the slope feedback, information per cell^2
 };
 static_assert(sizeof(ColumnRecord) == 24, "side record per column");
 
@@ -47,7 +48,7 @@ using TileId = std::uint32_t;
 
 /// State of one tile.
 struct TileRecord {
-  std::uint32_t page;        ///< index of the tile's storage page (its first voxel / voxels per page)
+  std::uint32_t page;  ///< index of the tile's storage page (its first voxel / voxels per page)
   std::uint32_t generation;  ///< counts the pings that wrote into the tile; 0 = never
   std::uint32_t last_ping;   ///< number of the latest of them
 

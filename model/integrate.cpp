@@ -36,8 +36,18 @@ constexpr std::int64_t kSlopeWeightCap_q4 = 63;
 // Confidence of "empty" at (i / 64) of the maximum range, Q15: logit(rho) / logit(0.02) with the
 // source's rho = 0.5 sqrt(r / R_max) (method 1.2), for log-odds; and 1 - 2 rho for the weighted mean,
 // whose evidence against is w (1 - rho).
-constexpr std::uint16_t kEmptyLogit_q15[65] = {32767, 22800, 19647, 17754, 16384, 15301, 14402, 13630, 12952, 12346, 11796, 11293, 10829, 10396, 9991, 9610, 9250, 8908, 8582, 8271, 7972, 7686, 7410, 7144, 6887, 6638, 6397, 6163, 5935, 5713, 5497, 5287, 5081, 4880, 4683, 4490, 4301, 4116, 3934, 3755, 3580, 3407, 3237, 3070, 2905, 2743, 2583, 2425, 2270, 2116, 1964, 1814, 1666, 1519, 1374, 1231, 1089, 949, 809, 672, 535, 399, 265, 132, 0};
-constexpr std::uint16_t kEmptyRho_q15[65] = {0, 2048, 2896, 3547, 4096, 4579, 5017, 5418, 5793, 6144, 6476, 6792, 7094, 7384, 7663, 7932, 8192, 8444, 8689, 8927, 9159, 9385, 9606, 9822, 10033, 10240, 10443, 10642, 10837, 11029, 11217, 11403, 11585, 11765, 11942, 12116, 12288, 12457, 12625, 12790, 12953, 13114, 13273, 13430, 13585, 13738, 13890, 14040, 14189, 14336, 14482, 14626, 14768, 14910, 15050, 15188, 15326, 15462, 15597, 15731, 15864, 15995, 16126, 16255, 16384};
+constexpr std::uint16_t kEmptyLogit_q15[65] = {
+    32767, 22800, 19647, 17754, 16384, 15301, 14402, 13630, 12952, 12346, 11796, 11293, 10829,
+    10396, 9991,  9610,  9250,  8908,  8582,  8271,  7972,  7686,  7410,  7144,  6887,  6638,
+    6397,  6163,  5935,  5713,  5497,  5287,  5081,  4880,  4683,  4490,  4301,  4116,  3934,
+    3755,  3580,  3407,  3237,  3070,  2905,  2743,  2583,  2425,  2270,  2116,  1964,  1814,
+    1666,  1519,  1374,  1231,  1089,  949,   809,   672,   535,   399,   265,   132,   0};
+constexpr std::uint16_t kEmptyRho_q15[65] = {
+    0,     2048,  2896,  3547,  4096,  4579,  5017,  5418,  5793,  6144,  6476,  6792,  7094,
+    7384,  7663,  7932,  8192,  8444,  8689,  8927,  9159,  9385,  9606,  9822,  10033, 10240,
+    10443, 10642, 10837, 11029, 11217, 11403, 11585, 11765, 11942, 12116, 12288, 12457, 12625,
+    12790, 12953, 13114, 13273, 13430, 13585, 13738, 13890, 14040, 14189, 14336, 14482, 14626,
+    14768, 14910, 15050, 15188, 15326, 15462, 15597, 15731, 15864, 15995, 16126, 16255, 16384};
 
 // Entry of the beam weight table at (off / half_width)^2; both Q10, off squared Q20.
 std::uint32_t beam_entry(std::int64_t off2_q20, std::int64_t half_width_q10) {
@@ -143,7 +153,8 @@ void limit_span(ColumnSpan& span, std::int64_t coefficient_q30, std::int64_t roo
     return;
   }
   // |room| < 2^26: 32000 cells.
-  const std::int64_t limit_q10 = clamp<std::int64_t>(room_q10 * (1LL << 30) / coefficient_q30, -kFar_q10, kFar_q10);
+  const std::int64_t limit_q10 =
+      clamp<std::int64_t>(room_q10 * (1LL << 30) / coefficient_q30, -kFar_q10, kFar_q10);
   if (coefficient_q30 > 0) {
     span.bottom_q10 = min_of(span.bottom_q10, limit_q10);
   } else {
@@ -167,7 +178,8 @@ void limit_to_axis(ColumnSpan& span, const Frustum& frustum, const ColumnOffset&
 CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame, const ColumnOffset& offset,
                          std::int64_t cells) {
   const std::int64_t radius = frustum.cone.radius_q10;
-  if (offset.y > radius || offset.y < -radius || offset.x < -radius || offset.x > frustum.reach_q10) {
+  if (offset.y > radius || offset.y < -radius || offset.x < -radius ||
+      offset.x > frustum.reach_q10) {
     return CellRange{0, -1};
   }
   ColumnSpan span = cone_span(frustum.cone, offset.x, offset.y);
@@ -175,8 +187,8 @@ CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame, const C
     limit_to_axis(span, frustum, offset, frame.along, frustum.grow_along_q20);
     limit_to_axis(span, frustum, offset, frame.across, frustum.grow_across_q20);
   }
-  return cells_between(span.top_q10 + frustum.origin_q10[2], span.bottom_q10 + frustum.origin_q10[2],
-                       cells);
+  return cells_between(span.top_q10 + frustum.origin_q10[2],
+                       span.bottom_q10 + frustum.origin_q10[2], cells);
 }
 
 // Distance along the axis of the point `z` below the transducer.
@@ -191,7 +203,8 @@ std::int32_t frustum_weight_q15(const Frustum& frustum, const LocalizationTable&
                                 const BeamFrame& frame, const ColumnOffset& offset, std::int64_t z,
                                 std::int64_t slant) {
   if (!frustum.two_axis) {
-    const std::int64_t off = (frustum.cone.down_q30 * offset.x - frustum.cone.horizontal_q30 * z) >> 30;
+    const std::int64_t off =
+        (frustum.cone.down_q30 * offset.x - frustum.cone.horizontal_q30 * z) >> 30;
     const std::int64_t half_width = kTouch_q10 + mul_shift(frustum.cone.growth_q20, slant, 20);
     return table.beam_weight_q15[0][beam_entry(off * off + offset.y * offset.y, half_width)];
   }
@@ -219,6 +232,44 @@ Evidence empty_evidence(Rule rule, std::uint32_t strength_q7, std::uint32_t dist
   }
   const std::uint32_t hit_q7 = (strength_q7 * kEmptyRho_q15[distance]) >> 15U;
   return Evidence{hit_q7, strength_q7 - hit_q7};
+}
+
+// The lateral weight's tables of one event.
+struct LateralProfile {
+  const std::uint16_t* along;
+  const std::uint16_t* across;
+  bool two_axis;
+};
+
+// Weight at normalized lateral coordinates, Q15; 0 beyond the cut.
+inline std::uint32_t lateral_weight_q15(const LateralProfile& profile, std::int32_t xi_q16,
+                                        std::int32_t eta_q16) {
+  constexpr std::uint32_t kCut2_q16 = kProfileCut2_q8 << 8U;
+  constexpr std::int32_t kCut_q16 = 144179;  // 2.2, its square root
+  // Entries per unit of m^2: kProfileSteps / 4.84 = 26.45.
+  constexpr std::uint32_t kEntries_q10 = 27079;
+  if (xi_q16 > kCut_q16 || xi_q16 < -kCut_q16 || eta_q16 > kCut_q16 || eta_q16 < -kCut_q16) {
+    return 0;
+  }
+  // Squares of at most 2.2 in Q16: the products fit 36 bits before the shift.
+  const auto xi2 = static_cast<std::uint32_t>((static_cast<std::int64_t>(xi_q16) * xi_q16) >> 16);
+  const auto eta2 =
+      static_cast<std::uint32_t>((static_cast<std::int64_t>(eta_q16) * eta_q16) >> 16);
+  if (xi2 + eta2 >= kCut2_q16) {
+    return 0;
+  }
+  if (!profile.two_axis) {
+    return profile.along[(((xi2 + eta2) >> 6U) * kEntries_q10) >> 20U];
+  }
+  const std::uint32_t a = profile.along[((xi2 >> 6U) * kEntries_q10) >> 20U];
+  const std::uint32_t b = profile.across[((eta2 >> 6U) * kEntries_q10) >> 20U];
+  return (a * b) >> 15U;
+}
+
+// Entry of the tables over range / max_range.
+std::uint32_t range_entry(const Scale& scale, std::int32_t range_q10) {
+  const std::int64_t entry = mul_shift(max_of(range_q10, 0), scale.confidence_scale_q22, 22);
+  return static_cast<std::uint32_t>(min_of<std::int64_t>(entry, 64));
 }
 
 }  // namespace
@@ -267,7 +318,8 @@ void Model::prefetch_columns(const BeamFrame& frame, const Sighting& sighting) c
   std::int32_t centre[3];
   for (int axis = 0; axis < 3; ++axis) {
     centre[axis] = static_cast<std::int32_t>(
-        (sighting.origin_q16[axis] + mul_shift(sighting.range_q16, frame.axis.q30[axis], 30)) >> 16);
+        (sighting.origin_q16[axis] + mul_shift(sighting.range_q16, frame.axis.q30[axis], 30)) >>
+        16);
   }
   const std::int32_t n0 = max_of(centre[0] - kAround, 0);
   const std::int32_t n1 = min_of(centre[0] + kAround, scale_.size[0] - 1);
@@ -290,11 +342,13 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
   const std::int64_t range = sighting.range_q16;
   const std::int64_t range2_q6 = (range * range) >> 26;
   const std::int64_t lateral_q12 =
-      mul_shift(range2_q6,
-                static_cast<std::int64_t>(table_.beam_variance_along_q30) + table_.pointing_variance_q30, 24) +
+      mul_shift(
+          range2_q6,
+          static_cast<std::int64_t>(table_.beam_variance_along_q30) + table_.pointing_variance_q30,
+          24) +
       max_of(sighting.position_variance_q12[0], sighting.position_variance_q12[1]) + 2048;
-  const auto sigma_q12 = static_cast<std::int64_t>(
-      base::sqrt_u64(static_cast<std::uint64_t>(lateral_q12) << 12U));
+  const auto sigma_q12 =
+      static_cast<std::int64_t>(base::sqrt_u64(static_cast<std::uint64_t>(lateral_q12) << 12U));
   const auto stride = static_cast<std::int32_t>(
       clamp<std::int64_t>((kSlopeStride * sigma_q12 + 4096) >> 13, 1, kMaxFootprintCells / 2) * 2);
   // Centre and stride are even: a quarter of the columns serves all slopes, and is read less often.
@@ -324,14 +378,16 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
       const std::uint32_t index = grid_.column_index(n, e);
       ColumnRecord& record = grid_.column(index);
       if (record.gain > (kRegrowth - 1) * record.mass) {
-        const ColumnDepth column = column_depth(grid_.column_voxels(index), scale_.size[2], DepthMethod::kRobustMoment, config_.rule);
+        const ColumnDepth column = column_depth(grid_.column_voxels(index), scale_.size[2],
+                                                DepthMethod::kRobustMoment, config_.rule);
         ++counters_.column_extractions;
         record.depth_q8 = column.depth_q8;
         record.mass = column.mass;
         record.gain = 0;
         // mass / 255 events of variance min_variance: information in 1/cells^2, Q4.
         record.slope_weight_q4 = static_cast<std::uint8_t>(clamp<std::int64_t>(
-            (static_cast<std::int64_t>(record.mass) << 8) / scale_.min_variance_q12, 1, kSlopeWeightCap_q4));
+            (static_cast<std::int64_t>(record.mass) << 8) / scale_.min_variance_q12, 1,
+            kSlopeWeightCap_q4));
       }
       if (record.depth_q8 == kUnknownDepth) {
         continue;
@@ -362,25 +418,19 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
   const std::int64_t cnz = s * snz - sn * sz;
   const std::int64_t cez = s * sez - se * sz;
   const std::int64_t determinant = (cnn * cee - cne * cne) * stride;
-  return Slope{ratio(cnz * cee - cez * cne, determinant, 4), ratio(cez * cnn - cnz * cne, determinant, 4)};
+  return Slope{ratio(cnz * cee - cez * cne, determinant, 4),
+               ratio(cez * cnn - cnz * cne, determinant, 4)};
 }
 
 void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
   const std::int32_t depth_cells = scale_.size[2];
-  const std::uint32_t cut_q16 = kProfileCut2_q8 << 8U;
-  constexpr std::int32_t kCut_q16 = 144179;  // 2.2, sqrt of the above
-  const std::uint16_t* const along = table_.profile_q15[0][event.profile_class];
-  const std::uint16_t* const across = table_.profile_q15[1][event.profile_class];
-  const bool two_axis = table_.two_axis != 0;
+  const LateralProfile profile{table_.profile_q15[0][event.profile_class],
+                               table_.profile_q15[1][event.profile_class], table_.two_axis != 0};
   const std::uint32_t seed = base::mix_u32(ping_number_);
   // Evidence of the shell: all for, or, in the weighted mean, rho = 1 - 0.5 sqrt(R / R_max) of it.
-  std::uint32_t against_q15 = 0;
-  if (config_.rule == Rule::kWeightedMean) {
-    const auto index = static_cast<std::uint32_t>(
-        (static_cast<std::uint64_t>(event.empty_range_q10 < 0 ? 0 : event.empty_range_q10) *
-         scale_.confidence_scale_q22) >> 22U);
-    against_q15 = kEmptyRho_q15[min_of<std::uint32_t>(index, 64)];
-  }
+  const std::uint32_t against_q15 = config_.rule == Rule::kWeightedMean
+                                        ? kEmptyRho_q15[range_entry(scale_, event.empty_range_q10)]
+                                        : 0U;
   const auto& kernel = table_.kernel_q15[event.level];
   const auto& kernel_first = table_.kernel_first[event.level];
   const auto& kernel_count = table_.kernel_count[event.level];
@@ -393,30 +443,14 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
     std::int32_t eta = event.eta0_q16 + row * event.eta_dn_q16;
     std::int32_t depth = event.depth0_q16 + row * event.depth_dn_q16;
     // Dither follows the place in the grid, not in storage: the map must not depend on paging.
-    const std::uint32_t row_dither = seed + static_cast<std::uint32_t>(n * kMaxSideCells) * kColumnDither;
-    std::uint32_t row_base = 0;       // storage index of column (n, first of the tile)
+    const std::uint32_t row_dither =
+        seed + static_cast<std::uint32_t>(n * kMaxSideCells) * kColumnDither;
+    std::uint32_t row_base = 0;           // storage index of column (n, first of the tile)
     std::int32_t tile_end = event.east0;  // first column east of the current tile
     for (std::int32_t e = event.east0; e <= event.east1;
          ++e, xi += event.xi_de_q16, eta += event.eta_de_q16, depth += event.depth_de_q16) {
-      if (xi > kCut_q16 || xi < -kCut_q16 || eta > kCut_q16 || eta < -kCut_q16) {
-        continue;
-      }
-      // Squares of at most 2.2 in Q16: the products fit 36 bits before the shift.
-      const auto xi2 = static_cast<std::uint32_t>((static_cast<std::int64_t>(xi) * xi) >> 16);
-      const auto eta2 = static_cast<std::uint32_t>((static_cast<std::int64_t>(eta) * eta) >> 16);
-      if (xi2 + eta2 >= cut_q16) {
-        continue;
-      }
-      // Entries per unit of m^2: kProfileSteps / 4.84 = 26.45 -> Q16 index.
-      constexpr std::uint32_t kEntries_q10 = 27079;
-      std::uint32_t weight_q7 = 0;
-      if (two_axis) {
-        const std::uint32_t a = along[((xi2 >> 6U) * kEntries_q10) >> 20U];
-        const std::uint32_t b = across[((eta2 >> 6U) * kEntries_q10) >> 20U];
-        weight_q7 = (event.weight_q7 * ((a * b) >> 15U)) >> 15U;
-      } else {
-        weight_q7 = (event.weight_q7 * along[(((xi2 + eta2) >> 6U) * kEntries_q10) >> 20U]) >> 15U;
-      }
+      const std::uint32_t weight_q7 =
+          (event.weight_q7 * lateral_weight_q15(profile, xi, eta)) >> 15U;
       const auto phase = static_cast<std::uint32_t>((depth >> 12) & 15);
       const std::int32_t first_tap = kernel_first[phase];
       const std::int32_t start = (depth >> 16) - kKernelCentre + first_tap;
@@ -492,7 +526,8 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       CellRange column = frustum_column(frustum, frame, offset, scale_.size[2]);
       if (plane) {
         // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
-        const std::int64_t plane_q16 = shell->plane0_q16 + n * shell->depth_dn_q16 + e * shell->depth_de_q16;
+        const std::int64_t plane_q16 =
+            shell->plane0_q16 + n * shell->depth_dn_q16 + e * shell->depth_de_q16;
         column.last = min_of(column.last, (plane_q16 - clearance_q16) >> 16);
       }
       if (column.first > column.last) {
@@ -502,7 +537,8 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       const auto cell_e = static_cast<std::int32_t>(e);
       grid_.tile(grid_.tile_of(cell_n, cell_e)).touch(ping_number_);
       Voxel* const voxels = grid_.column_voxels(grid_.column_index(cell_n, cell_e));
-      const std::uint32_t dither = seed + static_cast<std::uint32_t>(n * kMaxSideCells + e) * kColumnDither;
+      const std::uint32_t dither =
+          seed + static_cast<std::uint32_t>(n * kMaxSideCells + e) * kColumnDither;
       for (std::int64_t k = column.first; k <= column.last; k += kRun) {
         const std::int64_t count = min_of<std::int64_t>(kRun, column.last - k + 1);
         if (voxels_this_ping_ + count > bound_.total_voxels) {
@@ -516,8 +552,7 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
         if (beam_q15 < 0) {
           continue;
         }
-        const auto distance = static_cast<std::uint32_t>(
-            min_of<std::int64_t>(mul_shift(slant, scale_.confidence_scale_q22, 22), 64));
+        const std::uint32_t distance = range_entry(scale_, static_cast<std::int32_t>(slant));
         const std::uint32_t strength_q7 = (weight_q7 * static_cast<std::uint32_t>(beam_q15)) >> 15U;
         add_uniform(voxels + k, static_cast<std::int32_t>(count), static_cast<std::uint32_t>(k),
                     empty_evidence(config_.rule, strength_q7, distance), dither);
@@ -541,8 +576,8 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose) {
     return result;
   }
   ++ping_number_;
-  const BeamFrame frame = beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32,
-                                     ping.rotation_bam32);
+  const BeamFrame frame =
+      beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32, ping.rotation_bam32);
   if (empty) {
     const std::int64_t range_q16 = mul_shift(config_.detect_range_um, scale_.inverse_cell_q46, 30);
     carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), 255 * 16);
@@ -553,8 +588,8 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose) {
     const auto now_ds = static_cast<std::uint32_t>(ping.t_transmit_us / 100'000);
     add_shell_event(event, now_ds);
     // The empty evidence of one ping is a fixed part of its shell's peak.
-    const std::uint32_t peak_q15 =
-        static_cast<std::uint32_t>(table_.kernel_q15[event.level][kKernelPhases / 2][kKernelCentre]);
+    const std::uint32_t peak_q15 = static_cast<std::uint32_t>(
+        table_.kernel_q15[event.level][kKernelPhases / 2][kKernelCentre]);
     carve(frame, sighting, &event, event.empty_range_q10,
           ((event.weight_q7 * peak_q15) >> 15U) >> kEmptyShift);
   }

@@ -31,7 +31,7 @@ inline constexpr int kProfileClasses = 8;    ///< class c: beam variance / total
 inline constexpr int kProfileSteps = 128;    ///< profile entries from m^2 = 0 to kProfileCut2
 inline constexpr int kKernelLevels = 24;     ///< level l: variance 0.25 * 2^(l/4) cells^2
 inline constexpr int kKernelPhases = 16;     ///< sub-cell positions of the shell
-inline constexpr int kKernelTaps = 16;       ///< voxels per row; tap j lies at j - 6.5 - phase cells
+inline constexpr int kKernelTaps = 16;  ///< voxels per row; tap j lies at j - 6.5 - phase cells
 inline constexpr int kBeamWeightSteps = 64;  ///< entries over (off-axis / envelope)^2
 
 /// Square of the normalized (Mahalanobis) radius at which the lateral profile is cut: 2.2 sigma.

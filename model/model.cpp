@@ -65,42 +65,50 @@ base::Status Model::configure(const ModelConfig& config, const void* table_bytes
   for (int axis = 0; axis < 3; ++axis) {
     scale_.origin_um[axis] = config.origin_mm[axis] * 1000;
     scale_.size[axis] = config.size[axis];
-    const std::int64_t sigma_q12 = cells_q12(config.sigma_correlated_mm[axis] * 1000, scale_.cell_um);
+    const std::int64_t sigma_q12 =
+        cells_q12(config.sigma_correlated_mm[axis] * 1000, scale_.cell_um);
     correlated_q12_[axis] = mul_shift(sigma_q12, sigma_q12, 12);
   }
-  scale_.sigma_range_q12 = min_of<std::int64_t>(cells_q12(table_.sigma_range_um, scale_.cell_um), 1 << 20);
+  scale_.sigma_range_q12 =
+      min_of<std::int64_t>(cells_q12(table_.sigma_range_um, scale_.cell_um), 1 << 20);
   constexpr std::int64_t kFloorVariance_q12 = 82;
   scale_.min_variance_q12 =
       mul_shift(scale_.sigma_range_q12, scale_.sigma_range_q12, 12) + kFloorVariance_q12;
-  scale_.max_range_q16 = static_cast<std::int32_t>(mul_shift(config.max_range_um, scale_.inverse_cell_q46, 30));
+  scale_.max_range_q16 =
+      static_cast<std::int32_t>(mul_shift(config.max_range_um, scale_.inverse_cell_q46, 30));
   scale_.tan_along_q20 = static_cast<std::int32_t>(table_.tan_envelope_along_q24 >> 4U);
   scale_.tan_across_q20 = static_cast<std::int32_t>(table_.tan_envelope_across_q24 >> 4U);
   scale_.tan_along_q20 = max_of(scale_.tan_along_q20, 512);
   scale_.tan_across_q20 = max_of(scale_.tan_across_q20, 512);
   scale_.cone_tan_q20 = max_of(scale_.tan_along_q20, scale_.tan_across_q20);
-  scale_.confidence_scale_q22 = static_cast<std::uint32_t>(
-      min_of<std::int64_t>((64LL << 22) / max_of<std::int64_t>(scale_.max_range_q16 >> 6, 1), 1LL << 28));
+  scale_.confidence_scale_q22 = static_cast<std::uint32_t>(min_of<std::int64_t>(
+      (64LL << 22) / max_of<std::int64_t>(scale_.max_range_q16 >> 6, 1), 1LL << 28));
 
   // Largest footprint: at maximum range, seen at 45 degrees (twice the angular variance).
-  const std::int64_t range2_q6 = (static_cast<std::int64_t>(scale_.max_range_q16) * scale_.max_range_q16) >> 26;
-  const std::int64_t beam_q30 = max_of<std::int64_t>(table_.beam_variance_along_q30, table_.beam_variance_across_q30);
-  std::int64_t variance_q12 = 2 * mul_shift(range2_q6, beam_q30 + table_.pointing_variance_q30, 24) + 2048;
-  const std::int64_t position_q12 =
-      min_of<std::int64_t>(cells_q12(max_of(config.sigma_position_mm[0], config.sigma_position_mm[1]) * 1000,
-                                     scale_.cell_um), 1 << 20);
+  const std::int64_t range2_q6 =
+      (static_cast<std::int64_t>(scale_.max_range_q16) * scale_.max_range_q16) >> 26;
+  const std::int64_t beam_q30 =
+      max_of<std::int64_t>(table_.beam_variance_along_q30, table_.beam_variance_across_q30);
+  std::int64_t variance_q12 =
+      2 * mul_shift(range2_q6, beam_q30 + table_.pointing_variance_q30, 24) + 2048;
+  const std::int64_t position_q12 = min_of<std::int64_t>(
+      cells_q12(max_of(config.sigma_position_mm[0], config.sigma_position_mm[1]) * 1000,
+                scale_.cell_um),
+      1 << 20);
   variance_q12 += mul_shift(position_q12, position_q12, 12) / 2;
   const auto sigma_q12 =
       static_cast<std::int64_t>(base::sqrt_u64(static_cast<std::uint64_t>(variance_q12) << 12U));
   constexpr std::int64_t kCut_q8 = 563;  // 2.2
-  scale_.footprint_cells = static_cast<std::int32_t>(
-      base::clamp<std::int64_t>((sigma_q12 * kCut_q8 + (1 << 20) - 1) >> 20, 2, kMaxFootprintCells));
+  scale_.footprint_cells = static_cast<std::int32_t>(base::clamp<std::int64_t>(
+      (sigma_q12 * kCut_q8 + (1 << 20) - 1) >> 20, 2, kMaxFootprintCells));
 
   // Navigation drifts even where nobody says so: unless the configuration declares its correlated
   // error, one cell is assumed, or one metre where cells are larger (DESIGN.md "Sigma").
   constexpr std::int64_t kRegistration_um = 1'000'000;
   const bool declared = config.sigma_correlated_mm[0] != 0 || config.sigma_correlated_mm[1] != 0;
   const std::int64_t registration_q12 =
-      declared ? 0 : cells_q12(min_of<std::int64_t>(scale_.cell_um, kRegistration_um), scale_.cell_um);
+      declared ? 0
+               : cells_q12(min_of<std::int64_t>(scale_.cell_um, kRegistration_um), scale_.cell_um);
   registration_q12_ = mul_shift(registration_q12, registration_q12, 12);
 
   bound_ = work_bound(scale_);

@@ -22,13 +22,13 @@ namespace leadline::model {
 
 /// What became of a ping.
 enum class PingResult : std::uint8_t {
-  kFused = 0,         ///< written (possibly clipped by the grid, possibly to nothing)
-  kNoReturn = 1,      ///< no return: ignored, or carved empty, by policy
+  kFused = 0,     ///< written (possibly clipped by the grid, possibly to nothing)
+  kNoReturn = 1,  ///< no return: ignored, or carved empty, by policy
   kRangeTooShort = 2,
   kRangeTooLong = 3,
-  kPoseInvalid = 4,   ///< a validity bit is missing
-  kTooFar = 5,        ///< the transducer is over kMaxSideCells from the grid's origin
-  kProfile = 6,       ///< a profile that no detector has turned into a range
+  kPoseInvalid = 4,  ///< a validity bit is missing
+  kTooFar = 5,       ///< the transducer is over kMaxSideCells from the grid's origin
+  kProfile = 6,      ///< a profile that no detector has turned into a range
   kNotConfigured = 7,
   kCount = 8,
 };
@@ -39,11 +39,11 @@ enum class PingResult : std::uint8_t {
 /// Never-decreasing counters since configure().
 struct ModelCounters {
   std::uint64_t pings[static_cast<int>(PingResult::kCount)];
-  std::uint64_t voxel_updates;         ///< voxels written
-  std::uint64_t columns_updated;       ///< shell columns written
-  std::uint64_t column_extractions;    ///< columns read for the slope feedback
-  std::uint64_t columns_rescaled;      ///< evidence halved because a voxel neared saturation
-  std::uint64_t cones_cut;             ///< cones that met their budget before their end
+  std::uint64_t voxel_updates;       ///< voxels written
+  std::uint64_t columns_updated;     ///< shell columns written
+  std::uint64_t column_extractions;  ///< columns read for the slope feedback
+  std::uint64_t columns_rescaled;    ///< evidence halved because a voxel neared saturation
+  std::uint64_t cones_cut;           ///< cones that met their budget before their end
   std::uint32_t max_voxels_per_ping;
   std::uint32_t last_voxels_per_ping;
 };
@@ -99,7 +99,8 @@ class Model {
   static constexpr int kSlopeColumns = 9;
 
  private:
-  [[nodiscard]] PingResult sight(const base::Ping& ping, const base::Pose& pose, Sighting& sighting) const;
+  [[nodiscard]] PingResult sight(const base::Ping& ping, const base::Pose& pose,
+                                 Sighting& sighting) const;
   void prefetch_columns(const BeamFrame& frame, const Sighting& sighting) const;
   [[nodiscard]] Slope estimate_slope(const BeamFrame& frame, const Sighting& sighting);
   void add_shell_event(const ShellEvent& event, std::uint32_t now_ds);
@@ -119,8 +120,8 @@ class Model {
   bool configured_ = false;
   std::uint32_t ping_number_ = 0;
   std::uint32_t voxels_this_ping_ = 0;
-  std::int64_t correlated_q12_[3] = {};     // cells^2
-  std::int64_t registration_q12_ = 0;       // cells^2, see DESIGN.md
+  std::int64_t correlated_q12_[3] = {};  // cells^2
+  std::int64_t registration_q12_ = 0;    // cells^2, see DESIGN.md
   Grid grid_;
   ColumnResult results_[kColumnCapacity];
 };

@@ -71,8 +71,10 @@ std::uint32_t cone_volume(const Scale& scale, std::int32_t range_q10, std::int64
   const std::int64_t d2 = sides.cells[1];
   const std::int64_t d3 = sides.cells[2];
   const std::int64_t range = range_q10;
-  const std::int64_t grow_a_q20 = cone_growth_q20(max_of(scale.tan_along_q20, scale.tan_across_q20), range_q10);
-  const std::int64_t grow_b_q20 = cone_growth_q20(min_of(scale.tan_along_q20, scale.tan_across_q20), range_q10);
+  const std::int64_t grow_a_q20 =
+      cone_growth_q20(max_of(scale.tan_along_q20, scale.tan_across_q20), range_q10);
+  const std::int64_t grow_b_q20 =
+      cone_growth_q20(min_of(scale.tan_along_q20, scale.tan_across_q20), range_q10);
   std::int64_t lying_q10 = 0;
   std::int64_t standing_q10 = 0;
   // Slices of one cell from the far end, each at its middle; the last one may be thinner.
@@ -88,7 +90,8 @@ std::uint32_t cone_volume(const Scale& scale, std::int32_t range_q10, std::int64
       standing_q10 += mul_shift(section_q10(a, b, d2, d3), thick, 10);
     }
   }
-  return static_cast<std::uint32_t>(min_of((max_of(lying_q10, standing_q10) >> 10) + 1, d1 * d2 * d3));
+  return static_cast<std::uint32_t>(
+      min_of((max_of(lying_q10, standing_q10) >> 10) + 1, d1 * d2 * d3));
 }
 
 WorkBound work_bound(const Scale& scale) {
@@ -109,7 +112,8 @@ WorkBound work_bound(const Scale& scale) {
     const std::uint32_t cone = cone_volume(scale, static_cast<std::int32_t>(range), longest_q10);
     const std::int64_t total = min_of(columns * taps + cone, north * east * depth);
     if (total > bound.total_voxels) {
-      bound = WorkBound{static_cast<std::uint32_t>(columns * taps), cone, static_cast<std::uint32_t>(total)};
+      bound = WorkBound{static_cast<std::uint32_t>(columns * taps), cone,
+                        static_cast<std::uint32_t>(total)};
     }
   };
   // No shell: a ping without return.
@@ -117,7 +121,8 @@ WorkBound work_bound(const Scale& scale) {
   // A plane as steep as it gets, seen square on: the cone ends the reach of the widest kernel, as seen
   // along the axis, before it. The columns are those that the plane crosses inside the grid, the beam
   // looks up or down the slope.
-  const std::int64_t crossed = min_of(side, (2 * (depth + taps) + kMaxSlopeTimes2 - 1) / kMaxSlopeTimes2);
+  const std::int64_t crossed =
+      min_of(side, (2 * (depth + taps) + kMaxSlopeTimes2 - 1) / kMaxSlopeTimes2);
   consider(min_of(crossed, north) * min_of(side, east), range_q10 - kPlaneLoss_q10,
            length_q10(2 * (north * north + depth * depth)));
   consider(min_of(side, north) * min_of(crossed, east), range_q10 - kPlaneLoss_q10,
@@ -125,8 +130,8 @@ WorkBound work_bound(const Scale& scale) {
   // A wall: h columns on either side of the end need a radial deviation of (h - 1/2) / 2.2 cells, and the
   // cone ends two of them, or of the least, sqrt(1/2), before.
   for (std::int64_t half = 1; half <= scale.footprint_cells; ++half) {
-    const std::int64_t columns =
-        max_of(min_of(2 * half, north) * min_of(side, east), min_of(side, north) * min_of(2 * half, east));
+    const std::int64_t columns = max_of(min_of(2 * half, north) * min_of(side, east),
+                                        min_of(side, north) * min_of(2 * half, east));
     consider(columns, range_q10 - max_of<std::int64_t>(1448, (2 * half - 1) * 465), diagonal_q10);
   }
   return bound;

@@ -76,8 +76,8 @@ std::int32_t ratio(std::int64_t numerator, std::int64_t denominator, int shift) 
     return 0;
   }
   const bool negative = numerator < 0;
-  std::uint64_t n = negative ? 0 - static_cast<std::uint64_t>(numerator)
-                             : static_cast<std::uint64_t>(numerator);
+  std::uint64_t n =
+      negative ? 0 - static_cast<std::uint64_t>(numerator) : static_cast<std::uint64_t>(numerator);
   if (n == 0) {
     return 0;  // no leading bit to align by
   }
@@ -108,8 +108,7 @@ std::int32_t ratio(std::int64_t numerator, std::int64_t denominator, int shift) 
 
 std::int32_t sin_q30(Bam32 angle_bam32) {
   // Fold into the first quadrant: bit 31 is the sign, bit 30 mirrors.
-  const std::uint32_t folded =
-      (angle_bam32 & kBam32QuarterTurn) != 0 ? ~angle_bam32 : angle_bam32;
+  const std::uint32_t folded = (angle_bam32 & kBam32QuarterTurn) != 0 ? ~angle_bam32 : angle_bam32;
   const std::uint32_t position = folded & 0x3FFFFFFFU;
   const std::uint32_t index = position >> 20U;
   const auto fraction_q20 = static_cast<std::int64_t>(position & 0xFFFFFU);

@@ -34,11 +34,11 @@ struct Ping {
   /// Rotation of a non-axisymmetric beam about its own axis, right-handed; 0 keeps the along-track
   /// axis in the mount's forward direction.
   Bam32 rotation_bam32;
-  std::uint16_t mount;   ///< index into the configured mounts (lever arm, boresight)
+  std::uint16_t mount;  ///< index into the configured mounts (lever arm, boresight)
   ReturnKind kind;
-  std::uint8_t quality;  ///< 0 = unusable .. 255 = best; a head without a measure reports 255
-  std::int64_t range_um; ///< kRange only: slant range, 0 < range_um <= kMaxRange_um
-  RangeProfile profile;  ///< kProfile only
+  std::uint8_t quality;   ///< 0 = unusable .. 255 = best; a head without a measure reports 255
+  std::int64_t range_um;  ///< kRange only: slant range, 0 < range_um <= kMaxRange_um
+  RangeProfile profile;   ///< kProfile only
 };
 
 }  // namespace leadline::base

@@ -26,11 +26,11 @@ enum PoseValidity : std::uint8_t {
 /// Covariance of a pose, one standard deviation each plus the correlations that a navigation filter
 /// can state. Position and attitude are taken as uncorrelated with each other.
 struct PoseCovariance {
-  std::uint32_t sigma_position_mm[3];  ///< per NED axis, independent from one ping to the next
-  std::int8_t correlation_ne_q7;       ///< north-east correlation coefficient * 128
-  std::int8_t correlation_nd_q7;       ///< north-down
-  std::int8_t correlation_ed_q7;       ///< east-down
-  std::uint8_t reserved;               ///< zero
+  std::uint32_t sigma_position_mm[3];      ///< per NED axis, independent from one ping to the next
+  std::int8_t correlation_ne_q7;           ///< north-east correlation coefficient * 128
+  std::int8_t correlation_nd_q7;           ///< north-down
+  std::int8_t correlation_ed_q7;           ///< east-down
+  std::uint8_t reserved;                   ///< zero
   std::uint16_t sigma_attitude_urad16[3];  ///< roll, pitch, heading in units of 16 microradians
   std::uint16_t reserved2;                 ///< zero
 };

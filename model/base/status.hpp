@@ -9,18 +9,18 @@ namespace leadline::base {
 /// What a call came to. Values are stable: they appear in logs and over the link.
 enum class Status : std::uint8_t {
   kOk = 0,
-  kInvalidArgument = 1,   ///< The caller broke the contract in the header.
-  kOutOfRange = 2,        ///< A value is outside its stated range.
-  kOverCapacity = 3,      ///< Compile-time storage is too small for the configuration.
-  kOverBudget = 4,        ///< The closed-form work bound exceeds the configured budget.
-  kBadVersion = 5,        ///< A block of another major version.
-  kBadChecksum = 6,       ///< A block whose CRC does not match its bytes.
-  kTruncated = 7,         ///< A block shorter than its header says.
-  kNotReady = 8,          ///< Something must be configured first.
-  kStale = 9,             ///< Older than what was already accepted (time went backwards).
-  kEpochMismatch = 10,    ///< Navigation jumped between the two records.
-  kFull = 11,             ///< A fixed container has no room.
-  kEmpty = 12,            ///< Nothing to take.
+  kInvalidArgument = 1,  ///< The caller broke the contract in the header.
+  kOutOfRange = 2,       ///< A value is outside its stated range.
+  kOverCapacity = 3,     ///< Compile-time storage is too small for the configuration.
+  kOverBudget = 4,       ///< The closed-form work bound exceeds the configured budget.
+  kBadVersion = 5,       ///< A block of another major version.
+  kBadChecksum = 6,      ///< A block whose CRC does not match its bytes.
+  kTruncated = 7,        ///< A block shorter than its header says.
+  kNotReady = 8,         ///< Something must be configured first.
+  kStale = 9,            ///< Older than what was already accepted (time went backwards).
+  kEpochMismatch = 10,   ///< Navigation jumped between the two records.
+  kFull = 11,            ///< A fixed container has no room.
+  kEmpty = 12,           ///< Nothing to take.
 };
 
 /// Short English text for logs; never null.
@@ -31,8 +31,8 @@ template <typename T>
 class [[nodiscard]] Result {
  public:
   // Implicit on purpose: `return value;` and `return Status::kFull;` both read naturally.
-  Result(const T& value) : value_(value), status_(Status::kOk) {}      // NOLINT
-  Result(Status status) : value_(), status_(status) {}                 // NOLINT
+  Result(const T& value) : value_(value), status_(Status::kOk) {}  // NOLINT
+  Result(Status status) : value_(), status_(status) {}             // NOLINT
 
   [[nodiscard]] bool ok() const { return status_ == Status::kOk; }
   [[nodiscard]] Status status() const { return status_; }

@@ -50,7 +50,8 @@ double seconds_of(const std::function<void()>& work) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-double least_seconds(int runs, const std::function<void()>& prepare, const std::function<void()>& work) {
+double least_seconds(int runs, const std::function<void()>& prepare,
+                     const std::function<void()>& work) {
   double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i < runs; ++i) {
     prepare();
@@ -210,7 +211,8 @@ Accuracy accuracy(const Survey& survey, const std::function<double(int, int)>& d
 double percentile(std::vector<double> values, double p) {
   const auto rank = static_cast<std::size_t>(std::ceil(p * static_cast<double>(values.size())));
   const std::size_t index = rank == 0 ? 0 : rank - 1;
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(index), values.end());
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(index),
+                   values.end());
   return values[index];
 }
 
@@ -237,7 +239,8 @@ struct Ours {
 Ours measure_ours(const Survey& survey, model::Rule rule) {
   const Job& job = survey.job;
   Ours ours;
-  ours.seconds = least_seconds(kRuns, [&] { configure(job, rule); }, [&] { integrate_all(job); });
+  ours.seconds = least_seconds(
+      kRuns, [&] { configure(job, rule); }, [&] { integrate_all(job); });
   const model::ModelCounters& counters = the_model.counters();
   ours.voxels_per_ping = static_cast<double>(counters.voxel_updates) / kPings;
   ours.max_voxels = counters.max_voxels_per_ping;
@@ -253,7 +256,8 @@ Ours measure_ours(const Survey& survey, model::Rule rule) {
       const auto start = Clock::now();
       the_model.integrate(job.pings[i], job.poses[i]);
       const auto end = Clock::now();
-      interval_ns[i] = std::max(0.0, std::chrono::duration<double, std::nano>(end - start).count() - overhead_ns);
+      interval_ns[i] = std::max(
+          0.0, std::chrono::duration<double, std::nano>(end - start).count() - overhead_ns);
       total += interval_ns[i];
       ours.least_ns[i] = std::min(ours.least_ns[i], interval_ns[i]);
     }
@@ -262,7 +266,8 @@ Ours measure_ours(const Survey& survey, model::Rule rule) {
   std::sort(runs.begin(), runs.end());
   ours.raw_ns = runs[kRuns / 2].second;
 
-  ours.extract_seconds = least_seconds(3, [] {}, [] { the_model.extract(); });
+  ours.extract_seconds = least_seconds(
+      3, [] {}, [] { the_model.extract(); });
   ours.accuracy = accuracy(survey, [](int n, int e) {
     const std::int32_t depth_q8 = the_model.result(n, e).depth_q8;
     return depth_q8 == model::kUnknownDepth ? std::nan("")
@@ -320,7 +325,8 @@ Addresses find_addresses(const Job& job, model::Rule rule) {
       count = std::max(count, the_model.counters().last_voxels_per_ping);
       std::size_t c = 0;
       for (std::int32_t n = std::max(0, n0 - reach); n <= std::min(kSide - 1, n0 + reach); ++n) {
-        for (std::int32_t e = std::max(0, e0 - reach); e <= std::min(kSide - 1, e0 + reach); ++e, ++c) {
+        for (std::int32_t e = std::max(0, e0 - reach); e <= std::min(kSide - 1, e0 + reach);
+             ++e, ++c) {
           const std::uint32_t column = grid.column_index(n, e);
           model::Voxel* const voxels = grid.column_voxels(column);
           for (std::size_t k = 0; k < depth; ++k) {
@@ -332,7 +338,8 @@ Addresses find_addresses(const Job& job, model::Rule rule) {
             }
           }
           if (repeat + 1 < kRepeats) {
-            std::memcpy(static_cast<void*>(voxels), &before[c * depth], depth * sizeof(model::Voxel));
+            std::memcpy(static_cast<void*>(voxels), &before[c * depth],
+                        depth * sizeof(model::Voxel));
             grid.column(column) = records[c];
           }
         }
@@ -361,15 +368,17 @@ Addresses find_addresses(const Job& job, model::Rule rule) {
 double load_store_seconds(const Addresses& addresses) {
   // The model's own storage: the same memory, the same pages.
   auto* const words = reinterpret_cast<volatile std::uint32_t*>(the_model.grid().column_voxels(0));
-  return least_seconds(kRuns, [] {}, [&] {
-    std::size_t at = 0;
-    for (const std::size_t end : addresses.end) {
-      for (; at < end; ++at) {
-        volatile std::uint32_t& word = words[addresses.voxel[at]];
-        word = word;
-      }
-    }
-  });
+  return least_seconds(
+      kRuns, [] {},
+      [&] {
+        std::size_t at = 0;
+        for (const std::size_t end : addresses.end) {
+          for (; at < end; ++at) {
+            volatile std::uint32_t& word = words[addresses.voxel[at]];
+            word = word;
+          }
+        }
+      });
 }
 
 // ---------------------------------------------------------------------------------------------------
@@ -385,7 +394,8 @@ std::vector<Insert> inserts() {
   std::vector<Insert> list;
   for (const bool lazy : {false, true}) {
     for (const bool discretize : {false, true}) {
-      list.push_back({discretize ? (lazy ? "insertPointCloud, lazy, discretize" : "insertPointCloud, discretize")
+      list.push_back({discretize ? (lazy ? "insertPointCloud, lazy, discretize"
+                                         : "insertPointCloud, discretize")
                                  : (lazy ? "insertPointCloud, lazy" : "insertPointCloud"),
                       [lazy, discretize](octomap::OcTree& tree, const octomap::Pointcloud& cloud,
                                          const octomap::point3d& origin) {
@@ -395,10 +405,13 @@ std::vector<Insert> inserts() {
     }
     list.push_back({lazy ? "insertPointCloudRays, lazy" : "insertPointCloudRays",
                     [lazy](octomap::OcTree& tree, const octomap::Pointcloud& cloud,
-                           const octomap::point3d& origin) { tree.insertPointCloudRays(cloud, origin, -1, lazy); },
+                           const octomap::point3d& origin) {
+                      tree.insertPointCloudRays(cloud, origin, -1, lazy);
+                    },
                     lazy});
     list.push_back({lazy ? "insertRay, lazy" : "insertRay",
-                    [lazy](octomap::OcTree& tree, const octomap::Pointcloud& cloud, const octomap::point3d& origin) {
+                    [lazy](octomap::OcTree& tree, const octomap::Pointcloud& cloud,
+                           const octomap::point3d& origin) {
                       for (const octomap::point3d& end : cloud) {
                         tree.insertRay(origin, end, -1, lazy);
                       }
@@ -426,7 +439,8 @@ Octomap measure_octomap(const Survey& survey, int rays) {
     const Vec3 origin = ping.position_m - Vec3{0, 0, static_cast<double>(kOriginDown_m)};
     const Vec3 axis = host::world_from_vehicle(ping.attitude, host::vehicle_direction(ping.beam));
     const double range_m = static_cast<double>(job.pings[i].range_um) * 1e-6;
-    for (const Vec3& direction : leadline::test::ray_bundle(axis, rays, kHalfAngle_deg * kPi / 180)) {
+    for (const Vec3& direction :
+         leadline::test::ray_bundle(axis, rays, kHalfAngle_deg * kPi / 180)) {
       clouds[i].push_back(leadline::test::ray_end(origin, direction, range_m));
     }
     origins[i] = leadline::test::ray_end(origin, axis, 0);
@@ -470,10 +484,12 @@ Octomap measure_octomap(const Survey& survey, int rays) {
       return columns[static_cast<std::size_t>(n) * kSide + static_cast<std::size_t>(e)];
     };
     const Accuracy mean = accuracy(survey, [&](int n, int e) {
-      return column(n, e).weight > 0 ? static_cast<double>(kOriginDown_m) + column(n, e).mean() : std::nan("");
+      return column(n, e).weight > 0 ? static_cast<double>(kOriginDown_m) + column(n, e).mean()
+                                     : std::nan("");
     });
     const Accuracy top = accuracy(survey, [&](int n, int e) {
-      return column(n, e).weight > 0 ? static_cast<double>(kOriginDown_m) + column(n, e).top : std::nan("");
+      return column(n, e).weight > 0 ? static_cast<double>(kOriginDown_m) + column(n, e).top
+                                     : std::nan("");
     });
     const bool mean_better = mean.rmse_cells <= top.rmse_cells;
     best.accuracy = mean_better ? mean : top;
@@ -487,8 +503,8 @@ Octomap measure_octomap(const Survey& survey, int rays) {
 
 /// Pings straight down, more or less, onto a gentle swell around `depth_m`, from `range_m` above it; in
 /// the order of a lawn mower whose lines are two cells apart, or anywhere.
-Job curve_job(std::array<std::int32_t, 3> size, double range_m, double half_angle_deg, double depth_m,
-              std::size_t count, bool lawn_mower) {
+Job curve_job(std::array<std::int32_t, 3> size, double range_m, double half_angle_deg,
+              double depth_m, std::size_t count, bool lawn_mower) {
   Job job;
   job.config = job_config(size, static_cast<std::int64_t>(std::ceil(range_m * 1.5)) + 5);
   job.table = cone_table(half_angle_deg);
@@ -523,17 +539,21 @@ struct Point {
 };
 
 Point measure_curve(const Job& job, int runs) {
-  const double seconds =
-      least_seconds(runs, [&] { configure(job, model::Rule::kLogOdds); }, [&] { integrate_all(job); });
+  const double seconds = least_seconds(
+      runs, [&] { configure(job, model::Rule::kLogOdds); }, [&] { integrate_all(job); });
   const auto pings = static_cast<double>(job.pings.size());
   const model::ModelCounters& counters = the_model.counters();
   return {static_cast<double>(counters.voxel_updates) / pings, 0, seconds / pings * 1e9};
 }
 
 void print_map_sizes() {
-  std::printf("\n### Map size\n\n32,000 pings, range 20 cells, 3 degrees, log_odds. Lawn mower: lines two cells apart, as a vehicle "
-              "flies. Anywhere: each ping at a random place, so that large maps miss every cache.\n\n");
-  std::printf("| grid | MiB of voxels | voxels per ping | lawn mower, ns per ping | anywhere, ns per ping |\n|---|---|---|---|---|\n");
+  std::printf(
+      "\n### Map size\n\n32,000 pings, range 20 cells, 3 degrees, log_odds. Lawn mower: lines two "
+      "cells apart, as a vehicle "
+      "flies. Anywhere: each ping at a random place, so that large maps miss every cache.\n\n");
+  std::printf(
+      "| grid | MiB of voxels | voxels per ping | lawn mower, ns per ping | anywhere, ns per ping "
+      "|\n|---|---|---|---|---|\n");
   const std::array<std::int32_t, 5> sides = {64, 128, 256, 512, 1024};
   std::vector<std::array<Job, 2>> jobs;
   for (const std::int32_t side : sides) {
@@ -553,8 +573,9 @@ void print_map_sizes() {
     }
   }
   for (std::size_t i = 0; i < sides.size(); ++i) {
-    std::printf("| %d x %d x 16 | %.1f | %.1f | %.0f | %.0f |\n", sides[i], sides[i], sides[i] * sides[i] * 16 * 4 / 1048576.0,
-                points[i][0].voxels, points[i][0].ns, points[i][1].ns);
+    std::printf("| %d x %d x 16 | %.1f | %.1f | %.0f | %.0f |\n", sides[i], sides[i],
+                sides[i] * sides[i] * 16 * 4 / 1048576.0, points[i][0].voxels, points[i][0].ns,
+                points[i][1].ns);
   }
 }
 
@@ -582,9 +603,14 @@ std::array<double, 3> fit(const std::vector<Point>& points) {
 }
 
 void print_voxels_touched() {
-  std::printf("\n### Voxels touched\n\n8,000 pings, lawn mower, 128 x 128 x 128 cells, log_odds. Columns under the cone: "
-              "its section at the far end, at least that of the tube that touches every voxel on the axis.\n\n");
-  std::printf("| cone, degrees | range, cells | columns under the cone | voxels per ping | ns per ping | ns per voxel |\n|---|---|---|---|---|---|\n");
+  std::printf(
+      "\n### Voxels touched\n\n8,000 pings, lawn mower, 128 x 128 x 128 cells, log_odds. Columns "
+      "under the cone: "
+      "its section at the far end, at least that of the tube that touches every voxel on the "
+      "axis.\n\n");
+  std::printf(
+      "| cone, degrees | range, cells | columns under the cone | voxels per ping | ns per ping | "
+      "ns per voxel |\n|---|---|---|---|---|---|\n");
   std::vector<Point> points;
   std::vector<std::array<double, 2>> beams;
   std::vector<Job> jobs;
@@ -598,7 +624,8 @@ void print_voxels_touched() {
   for (int round = 0; round < 4; ++round) {
     for (std::size_t i = 0; i < jobs.size(); ++i) {
       Point point = measure_curve(jobs[i], 4);
-      const double radius = std::max(model::kTouch_q10 / 1024.0, std::tan(beams[i][0] * kPi / 180) * beams[i][1]);
+      const double radius =
+          std::max(model::kTouch_q10 / 1024.0, std::tan(beams[i][0] * kPi / 180) * beams[i][1]);
       point.columns = kPi * radius * radius;
       if (round == 0) {
         points.push_back(point);
@@ -607,16 +634,19 @@ void print_voxels_touched() {
     }
   }
   for (std::size_t i = 0; i < jobs.size(); ++i) {
-    std::printf("| %g | %g | %.1f | %.1f | %.0f | %.2f |\n", beams[i][0], beams[i][1], points[i].columns,
-                points[i].voxels, points[i].ns, points[i].ns / points[i].voxels);
+    std::printf("| %g | %g | %.1f | %.1f | %.0f | %.2f |\n", beams[i][0], beams[i][1],
+                points[i].columns, points[i].voxels, points[i].ns, points[i].ns / points[i].voxels);
   }
   const std::array<double, 3> line = fit(points);
   double worst = 0;
   for (const Point& p : points) {
-    worst = std::max(worst, std::fabs(p.ns / (line[0] + line[1] * p.columns + line[2] * p.voxels) - 1));
+    worst =
+        std::max(worst, std::fabs(p.ns / (line[0] + line[1] * p.columns + line[2] * p.voxels) - 1));
   }
-  std::printf("\nLinear: %.0f ns + %.1f ns per column + %.2f ns per voxel; no point is further off than %.0f %%.\n",
-              line[0], line[1], line[2], 100 * worst);
+  std::printf(
+      "\nLinear: %.0f ns + %.1f ns per column + %.2f ns per voxel; no point is further off than "
+      "%.0f %%.\n",
+      line[0], line[1], line[2], 100 * worst);
 }
 
 void print_job() {
@@ -636,61 +666,87 @@ void print_job() {
                       ours[i].voxels_per_ping * kPings;
   }
 
-  std::printf("### The job\n\n32,000 pings within 4 degrees of nadir, range 20 cells, cone of 3 degrees, 128 x 128 x 32 cells of "
-              "1 m; sigma: range 1 m, pointing 1 degree. One core.\n\n");
-  std::printf("| rule | pings/s | ns per ping | voxels per ping | ns per voxel | voxel updates/s | load-store loop, ns per voxel | ratio "
-              "| bound |\n|---|---|---|---|---|---|---|---|---|\n");
+  std::printf(
+      "### The job\n\n32,000 pings within 4 degrees of nadir, range 20 cells, cone of 3 degrees, "
+      "128 x 128 x 32 cells of "
+      "1 m; sigma: range 1 m, pointing 1 degree. One core.\n\n");
+  std::printf(
+      "| rule | pings/s | ns per ping | voxels per ping | ns per voxel | voxel updates/s | "
+      "load-store loop, ns per voxel | ratio "
+      "| bound |\n|---|---|---|---|---|---|---|---|---|\n");
   for (int i = 0; i < 2; ++i) {
     const double voxels = ours[i].voxels_per_ping * kPings;
     const double ratio = ours[i].seconds / bare_seconds[i];
-    std::printf("| %s | %.0f | %.0f | %.1f (max %u) | %.2f | %.3g | %.2f | %.2f | %s |\n", names[i], kPings / ours[i].seconds,
-                ours[i].seconds / kPings * 1e9, ours[i].voxels_per_ping, ours[i].max_voxels,
-                ours[i].seconds / voxels * 1e9, voxels / ours[i].seconds, bare_seconds[i] / voxels * 1e9, ratio,
-                ratio <= 3 ? "3: holds" : "3: **broken**");
+    std::printf("| %s | %.0f | %.0f | %.1f (max %u) | %.2f | %.3g | %.2f | %.2f | %s |\n", names[i],
+                kPings / ours[i].seconds, ours[i].seconds / kPings * 1e9, ours[i].voxels_per_ping,
+                ours[i].max_voxels, ours[i].seconds / voxels * 1e9, voxels / ours[i].seconds,
+                bare_seconds[i] / voxels * 1e9, ratio, ratio <= 3 ? "3: holds" : "3: **broken**");
   }
-  std::printf("\nLoad-store loop: %.2f %% and %.2f %% of the addresses seen by comparing voxels, the others are "
-              "neighbours that stand in for voxels that only got zeros.\n", 100 * seen[0], 100 * seen[1]);
+  std::printf(
+      "\nLoad-store loop: %.2f %% and %.2f %% of the addresses seen by comparing voxels, the "
+      "others are "
+      "neighbours that stand in for voxels that only got zeros.\n",
+      100 * seen[0], 100 * seen[1]);
 
-  std::printf("\nTime of one ping in ns, the clock's own cost subtracted. Least: of %d runs for each ping, which leaves out what "
-              "else ran on the machine. Raw: all pings of the run with the median total.\n\n", kRuns);
-  std::printf("| rule | | p50 | p99 | p99.9 | max | p99.9 / p50 | bound |\n|---|---|---|---|---|---|---|---|\n");
+  std::printf(
+      "\nTime of one ping in ns, the clock's own cost subtracted. Least: of %d runs for each ping, "
+      "which leaves out what "
+      "else ran on the machine. Raw: all pings of the run with the median total.\n\n",
+      kRuns);
+  std::printf(
+      "| rule | | p50 | p99 | p99.9 | max | p99.9 / p50 | bound "
+      "|\n|---|---|---|---|---|---|---|---|\n");
   for (int i = 0; i < 2; ++i) {
     for (const bool raw : {false, true}) {
       const std::vector<double>& ns = raw ? ours[i].raw_ns : ours[i].least_ns;
       const double p50 = percentile(ns, 0.5);
       const double p999 = percentile(ns, 0.999);
-      std::printf("| %s | %s | %.0f | %.0f | %.0f | %.0f | %.2f | %s |\n", names[i], raw ? "raw" : "least", p50,
-                  percentile(ns, 0.99), p999, *std::max_element(ns.begin(), ns.end()), p999 / p50,
+      std::printf("| %s | %s | %.0f | %.0f | %.0f | %.0f | %.2f | %s |\n", names[i],
+                  raw ? "raw" : "least", p50, percentile(ns, 0.99), p999,
+                  *std::max_element(ns.begin(), ns.end()), p999 / p50,
                   p999 <= 5 * p50 ? "5: holds" : "5: **broken**");
     }
   }
 
-  std::printf("\n### OctoMap\n\nSame pings, resolution = cell, its default sensor model.\n\n| rays per ping | insert function | pings/s |\n|---|---|---|\n");
+  std::printf(
+      "\n### OctoMap\n\nSame pings, resolution = cell, its default sensor model.\n\n| rays per "
+      "ping | insert function | pings/s |\n|---|---|---|\n");
   const Octomap bundle = measure_octomap(survey, 37);
   const Octomap ray = measure_octomap(survey, 1);
   // OctoMap had a minute in which to meet a quiet moment of the machine; so do we.
   for (int i = 0; i < 2; ++i) {
-    ours[i].seconds = std::min(ours[i].seconds, least_seconds(kRuns, [&] { configure(job, rules[i]); }, [&] { integrate_all(job); }));
+    ours[i].seconds = std::min(ours[i].seconds, least_seconds(
+                                                    kRuns, [&] { configure(job, rules[i]); },
+                                                    [&] { integrate_all(job); }));
   }
 
   const double cells = static_cast<double>(kSide) * kSide * kDepth;
   const double columns = static_cast<double>(kSide) * kSide;
   const double voxel_mib = cells * sizeof(model::Voxel) / 1048576.0;
-  const double all_mib = voxel_mib + (columns * (sizeof(model::ColumnRecord) + sizeof(model::ColumnResult)) +
-                                      columns / 256 * sizeof(model::TileRecord) + sizeof(model::LocalizationTable)) / 1048576.0;
-  std::printf("\n| | pings/s | ours / this | memory, MiB | rmse, cells | bias, cells | coverage | depth of a column |\n|---|---|---|---|---|---|---|---|\n");
+  const double all_mib =
+      voxel_mib + (columns * (sizeof(model::ColumnRecord) + sizeof(model::ColumnResult)) +
+                   columns / 256 * sizeof(model::TileRecord) + sizeof(model::LocalizationTable)) /
+                      1048576.0;
+  std::printf(
+      "\n| | pings/s | ours / this | memory, MiB | rmse, cells | bias, cells | coverage | depth of "
+      "a column |\n|---|---|---|---|---|---|---|---|\n");
   for (int i = 0; i < 2; ++i) {
-    std::printf("| ours, %s | %.0f | | %.2f (voxels %.2f) | %.3f | %+.3f | %.2f %% | extraction of all columns: %.1f ms |\n", names[i],
-                kPings / ours[i].seconds, all_mib, voxel_mib, ours[i].accuracy.rmse_cells, ours[i].accuracy.bias_cells,
-                100 * ours[i].accuracy.coverage, ours[i].extract_seconds * 1e3);
+    std::printf(
+        "| ours, %s | %.0f | | %.2f (voxels %.2f) | %.3f | %+.3f | %.2f %% | extraction of all "
+        "columns: %.1f ms |\n",
+        names[i], kPings / ours[i].seconds, all_mib, voxel_mib, ours[i].accuracy.rmse_cells,
+        ours[i].accuracy.bias_cells, 100 * ours[i].accuracy.coverage,
+        ours[i].extract_seconds * 1e3);
   }
   for (const Octomap* other : {&bundle, &ray}) {
     const double ratio = other->seconds / ours[0].seconds;
-    std::printf("| OctoMap, %d rays, %s | %.0f | %.1f%s | %.2f | %.3f | %+.3f | %.2f %% | %s |\n", other == &bundle ? 37 : 1,
-                other->name.c_str(), kPings / other->seconds, ratio,
-                other != &bundle ? "" : ratio >= 40 ? " (bound 40: holds)" : " (bound 40: **broken**)",
-                static_cast<double>(other->memory_bytes) / 1048576.0, other->accuracy.rmse_cells, other->accuracy.bias_cells,
-                100 * other->accuracy.coverage, other->way);
+    std::printf("| OctoMap, %d rays, %s | %.0f | %.1f%s | %.2f | %.3f | %+.3f | %.2f %% | %s |\n",
+                other == &bundle ? 37 : 1, other->name.c_str(), kPings / other->seconds, ratio,
+                other != &bundle ? ""
+                : ratio >= 40    ? " (bound 40: holds)"
+                                 : " (bound 40: **broken**)",
+                static_cast<double>(other->memory_bytes) / 1048576.0, other->accuracy.rmse_cells,
+                other->accuracy.bias_cells, 100 * other->accuracy.coverage, other->way);
   }
 }
 

@@ -37,7 +37,8 @@ void configure(model::Rule rule) {
   config.size[0] = config.size[1] = 128;
   config.size[2] = 32;
   config.max_range_um = 40'000'000;
-  if (the_model.configure(config, &table(), sizeof(model::LocalizationTable)) != base::Status::kOk) {
+  if (the_model.configure(config, &table(), sizeof(model::LocalizationTable)) !=
+      base::Status::kOk) {
     std::abort();
   }
 }
@@ -100,8 +101,8 @@ void depth_of_column(benchmark::State& state) {
   }
   for (auto step : state) {
     static_cast<void>(step);
-    model::ColumnDepth found =
-        model::column_depth(column.data(), depth, model::DepthMethod::kRobustMoment, model::Rule::kLogOdds);
+    model::ColumnDepth found = model::column_depth(
+        column.data(), depth, model::DepthMethod::kRobustMoment, model::Rule::kLogOdds);
     benchmark::DoNotOptimize(found);
     benchmark::ClobberMemory();
   }
@@ -125,7 +126,8 @@ void shell_geometry(benchmark::State& state) {
   configure(model::Rule::kLogOdds);
   std::int32_t i = 0;
   const base::Attitude level{};
-  const model::BeamFrame frame = model::beam_frame(level, 0, base::kBam32QuarterTurn - 20'000'000U, 0);
+  const model::BeamFrame frame =
+      model::beam_frame(level, 0, base::kBam32QuarterTurn - 20'000'000U, 0);
   for (auto step : state) {
     static_cast<void>(step);
     const model::Sighting sighting{{4'000'000 + i % 65536, 4'000'000, 0}, 20 << 16, {0, 0, 0}};

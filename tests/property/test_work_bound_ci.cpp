@@ -92,8 +92,10 @@ std::vector<Trial> trials() {
   Trial& monterey = add("monterey_fan", {128, 128, 32}, 86.6, cone(1.5, 0.5, 15000));
   monterey.cell_mm = 30000;
   monterey.sigma_position_cells = {0.5, 0.5, 0.2};
-  add("helens_altimeter", {128, 128, 32}, 60, cone(12.5, 1, 200)).sigma_position_cells = {0.5, 0.5, 0.1};
-  add("helens_rolling_fan", {128, 128, 32}, 90, cone(1.2, 0.5, 300)).sigma_position_cells = {0.2, 0.2, 0.1};
+  add("helens_altimeter", {128, 128, 32}, 60, cone(12.5, 1, 200)).sigma_position_cells = {0.5, 0.5,
+                                                                                          0.1};
+  add("helens_rolling_fan", {128, 128, 32}, 90, cone(1.2, 0.5, 300)).sigma_position_cells = {
+      0.2, 0.2, 0.1};
   add("plane_flat", {64, 64, 8}, 60, cone(3, 1, 1000));
   add("plane_slope30", {64, 64, 45}, 60, cone(3, 1, 1000));
   add("speed_job", {128, 128, 32}, 40, cone(3, 1, 1000));
@@ -136,21 +138,31 @@ std::vector<Trial> trials() {
 
 /// One ping and the map under it. Lengths in cells, angles in degrees.
 enum Coordinate : std::size_t {
-  kOriginN, kOriginE, kOriginD,  // transducer from the grid's corner
-  kHeading, kPitch, kRoll,       // attitude; pitch as base::Attitude
-  kAzimuth, kElevation, kRotation,
+  kOriginN,
+  kOriginE,
+  kOriginD,  // transducer from the grid's corner
+  kHeading,
+  kPitch,
+  kRoll,  // attitude; pitch as base::Attitude
+  kAzimuth,
+  kElevation,
+  kRotation,
   kRange,
-  kSigmaN, kSigmaE, kSigmaD,     // stated position sigma
-  kSlopeN, kSlopeE,              // of the prepared map, depth cells per cell
-  kPlaneDepth,                   // of the prepared map, under the beam's end
-  kMapped,                       // over 0: there is a prepared map
-  kReturn,                       // over 0: a return was heard
+  kSigmaN,
+  kSigmaE,
+  kSigmaD,  // stated position sigma
+  kSlopeN,
+  kSlopeE,      // of the prepared map, depth cells per cell
+  kPlaneDepth,  // of the prepared map, under the beam's end
+  kMapped,      // over 0: there is a prepared map
+  kReturn,      // over 0: a return was heard
   kCoordinates
 };
 using Candidate = std::array<double, kCoordinates>;
 
 base::Bam32 bam(double deg) {
-  return static_cast<base::Bam32>(static_cast<std::int64_t>(std::llround(std::fmod(deg, 360.0) / 360.0 * 4294967296.0)));
+  return static_cast<base::Bam32>(
+      static_cast<std::int64_t>(std::llround(std::fmod(deg, 360.0) / 360.0 * 4294967296.0)));
 }
 
 std::array<double, 3> beam_end(const Candidate& c) {
@@ -166,7 +178,8 @@ std::array<double, 3> beam_end(const Candidate& c) {
   const double x = std::cos(p) * v[0] + std::sin(p) * z1;
   const double z = std::cos(p) * z1 - std::sin(p) * v[0];
   return {c[kOriginN] + c[kRange] * (std::cos(h) * x - std::sin(h) * y),
-          c[kOriginE] + c[kRange] * (std::sin(h) * x + std::cos(h) * y), c[kOriginD] + c[kRange] * z};
+          c[kOriginE] + c[kRange] * (std::sin(h) * x + std::cos(h) * y),
+          c[kOriginD] + c[kRange] * z};
 }
 
 /// Gives column (n, e) the voxels of a surface at `depth`, as thousands of pings would have left them.
@@ -177,7 +190,8 @@ void prepare_column(std::int32_t n, std::int32_t e, double depth) {
   }
   const std::uint32_t index = grid.column_index(n, e);
   model::Voxel* const voxels = grid.column_voxels(index);
-  std::memset(static_cast<void*>(voxels), 0, sizeof(model::Voxel) * static_cast<std::size_t>(grid.depth_cells()));
+  std::memset(static_cast<void*>(voxels), 0,
+              sizeof(model::Voxel) * static_cast<std::size_t>(grid.depth_cells()));
   model::ColumnRecord& record = grid.column(index);
   record.depth_q8 = model::kUnknownDepth;
   record.mass = 0;
@@ -203,7 +217,8 @@ void prepare_map(const Candidate& c) {
   const double east = std::floor(end[1]);
   const double far = 2.0 * model::kMaxFootprintCells + 2;
   const model::Grid& grid = the_model.grid();
-  if (!(north > -far && east > -far && north < grid.north_cells() + far && east < grid.east_cells() + far)) {
+  if (!(north > -far && east > -far && north < grid.north_cells() + far &&
+        east < grid.east_cells() + far)) {
     return;
   }
   const auto n0 = static_cast<std::int32_t>(north);
@@ -215,7 +230,8 @@ void prepare_map(const Candidate& c) {
         if ((stride == 0) != (i == 0 && j == 0)) {
           continue;
         }
-        const double depth = mapped ? c[kPlaneDepth] + stride * (i * c[kSlopeN] + j * c[kSlopeE]) : -10;
+        const double depth =
+            mapped ? c[kPlaneDepth] + stride * (i * c[kSlopeN] + j * c[kSlopeE]) : -10;
         prepare_column(n0 + i * stride, e0 + j * stride, depth);
       }
     }
@@ -237,7 +253,8 @@ std::uint32_t cost(const Trial& trial, const Candidate& c) {
   const double sigma[3] = {c[kSigmaN], c[kSigmaE], c[kSigmaD]};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     pose.position_um[axis] = std::llround(origin[axis] * cell_um);
-    pose.covariance.sigma_position_mm[axis] = static_cast<std::uint32_t>(std::llround(sigma[axis] * trial.cell_mm));
+    pose.covariance.sigma_position_mm[axis] =
+        static_cast<std::uint32_t>(std::llround(sigma[axis] * trial.cell_mm));
   }
   pose.attitude = {bam(c[kRoll]), bam(c[kPitch]), bam(c[kHeading])};
   pose.validity = base::kPoseAll;
@@ -392,16 +409,20 @@ Outcome search(const Trial& trial, std::uint64_t stream, std::int64_t pings, std
     const Candidate c = start(trial, random, static_cast<int>(i));
     islands.push_back({c, evaluate(c)});
     if (islands.size() >= 4 * kIslands) {
-      std::sort(islands.begin(), islands.end(), [](const Island& a, const Island& b) { return a.voxels > b.voxels; });
+      std::sort(islands.begin(), islands.end(),
+                [](const Island& a, const Island& b) { return a.voxels > b.voxels; });
       islands.resize(kIslands);
     }
   }
   for (std::int64_t i = sowing; i < pings; ++i) {
     // All islands at first; the better half, then the best one, when time runs out.
     const std::int64_t left = pings - i;
-    const std::size_t alive = left > pings / 2 ? islands.size() : left > pings / 4 ? islands.size() / 2 : 1;
+    const std::size_t alive = left > pings / 2   ? islands.size()
+                              : left > pings / 4 ? islands.size() / 2
+                                                 : 1;
     if (i == pings / 2 || i == pings - pings / 4) {
-      std::sort(islands.begin(), islands.end(), [](const Island& a, const Island& b) { return a.voxels > b.voxels; });
+      std::sort(islands.begin(), islands.end(),
+                [](const Island& a, const Island& b) { return a.voxels > b.voxels; });
     }
     Island& island = islands[static_cast<std::size_t>(i) % std::max<std::size_t>(1, alive)];
     const Candidate c = neighbour(trial, random, island.place);
@@ -417,7 +438,8 @@ base::Status configure(const Trial& trial) {
   model::ModelConfig config{};
   config.schema_version = model::kConfigSchemaVersion;
   config.rule = trial.rule;
-  config.no_return = trial.empty_without_return ? model::NoReturnPolicy::kEmpty : model::NoReturnPolicy::kIgnore;
+  config.no_return =
+      trial.empty_without_return ? model::NoReturnPolicy::kEmpty : model::NoReturnPolicy::kIgnore;
   config.cell_mm = trial.cell_mm;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     config.size[axis] = trial.size[axis];
@@ -435,9 +457,11 @@ std::int64_t environment_number(const char* name, std::int64_t otherwise) {
 }
 
 TEST(no_ping_exceeds_the_bound_and_the_bound_is_near) {
-  const std::int64_t pings = std::max<std::int64_t>(100, environment_number("LEADLINE_WORK_BOUND_PINGS", 12'000));
+  const std::int64_t pings =
+      std::max<std::int64_t>(100, environment_number("LEADLINE_WORK_BOUND_PINGS", 12'000));
   const char* const only = std::getenv("LEADLINE_WORK_BOUND_ONLY");
-  std::printf("| configuration | grid | range | F | W | shell | cone | worst | worst / W | cones cut |\n");
+  std::printf(
+      "| configuration | grid | range | F | W | shell | cone | worst | worst / W | cones cut |\n");
   std::printf("|---|---|---|---|---|---|---|---|---|---|\n");
   int failures = 0;
   std::int64_t total = 0;
@@ -456,32 +480,42 @@ TEST(no_ping_exceeds_the_bound_and_the_bound_is_near) {
     // Pings of hundreds of thousands of voxels take long and are easily found: a quarter of them will do.
     constexpr std::uint32_t kLarge = 100'000;
     const std::int64_t tries = bound.total_voxels > kLarge ? pings / 4 : pings;
-    const Outcome outcome = search(trial, static_cast<std::uint64_t>(number), tries, bound.total_voxels);
+    const Outcome outcome =
+        search(trial, static_cast<std::uint64_t>(number), tries, bound.total_voxels);
     const double ratio = static_cast<double>(outcome.worst) / bound.total_voxels;
-    const bool ok = outcome.above == 0 && outcome.worst <= bound.total_voxels && ratio >= kReachedShare;
+    const bool ok =
+        outcome.above == 0 && outcome.worst <= bound.total_voxels && ratio >= kReachedShare;
     total += tries;
     voxels += the_model.counters().voxel_updates;
     ++count;
     least = std::min(least, ratio);
-    std::printf("| %s | %d x %d x %d | %g | %d | %u | %u | %u | %u | %.3f%s | %.1f %% |\n", trial.name.c_str(),
-                trial.size[0], trial.size[1], trial.size[2], trial.max_range_cells,
-                the_model.scale().footprint_cells, bound.total_voxels, bound.shell_voxels, bound.cone_voxels,
-                outcome.worst, ratio, ok ? "" : " **FAILED**",
-                100.0 * static_cast<double>(the_model.counters().cones_cut) / static_cast<double>(tries));
+    std::printf(
+        "| %s | %d x %d x %d | %g | %d | %u | %u | %u | %u | %.3f%s | %.1f %% |\n",
+        trial.name.c_str(), trial.size[0], trial.size[1], trial.size[2], trial.max_range_cells,
+        the_model.scale().footprint_cells, bound.total_voxels, bound.shell_voxels,
+        bound.cone_voxels, outcome.worst, ratio, ok ? "" : " **FAILED**",
+        100.0 * static_cast<double>(the_model.counters().cones_cut) / static_cast<double>(tries));
     if (!ok) {
       ++failures;
       const Candidate& c = outcome.ping;
-      std::printf("    %lld pings above W; worst: origin %.4f %.4f %.4f  heading %.4f pitch %.4f roll %.4f  az %.4f "
-                  "el %.4f rot %.4f  range %.4f  sigma %.3f %.3f %.3f  map %g: depth %.3f slope %.3f %.3f  return %g\n",
-                  static_cast<long long>(outcome.above), c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9],
-                  c[10], c[11], c[12], c[kMapped], c[kPlaneDepth], c[kSlopeN], c[kSlopeE], c[kReturn]);
+      std::printf(
+          "    %lld pings above W; worst: origin %.4f %.4f %.4f  heading %.4f pitch %.4f roll %.4f "
+          " az %.4f "
+          "el %.4f rot %.4f  range %.4f  sigma %.3f %.3f %.3f  map %g: depth %.3f slope %.3f %.3f  "
+          "return %g\n",
+          static_cast<long long>(outcome.above), c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7],
+          c[8], c[9], c[10], c[11], c[12], c[kMapped], c[kPlaneDepth], c[kSlopeN], c[kSlopeE],
+          c[kReturn]);
     }
     std::fflush(stdout);
     // The counter in the shipped code saw what the search saw.
     assert_true(the_model.counters().max_voxels_per_ping == outcome.worst);
   }
-  std::printf("\n%d configurations, %lld pings, %llu voxel updates: %d outside [0.9 W, W], least worst / W %.3f\n",
-              count, static_cast<long long>(total), static_cast<unsigned long long>(voxels), failures, least);
+  std::printf(
+      "\n%d configurations, %lld pings, %llu voxel updates: %d outside [0.9 W, W], least worst / W "
+      "%.3f\n",
+      count, static_cast<long long>(total), static_cast<unsigned long long>(voxels), failures,
+      least);
   assert_int_equal(failures, 0);
 }
 

@@ -495,7 +495,7 @@ void Oracle::add_shell(const Shell& shell, double range) {
       const double xi = shell.xi_n * dn + shell.xi_e * de;
       const double eta = shell.eta_n * dn + shell.eta_e * de;
       const double m2 = xi * xi + eta * eta;
-      const double slack = 0.004 + 0.004 * m2;
+      const double slack = 0.004 + 0.01 * m2;
       // The box is half-open and whole columns wide.
       const double outside = std::max(std::fabs(dn) - shell.half_n, std::fabs(de) - shell.half_e);
       const bool edge = std::fabs(m2 - kCut2) < slack || std::fabs(outside) < 0.01;

@@ -25,8 +25,8 @@ inline std::vector<host::Vec3> ray_bundle(host::Vec3 axis, int rays, double half
     const double off = half_angle_rad * ring / 3.0;
     for (int i = 0; i < 6 * ring; ++i) {
       const double turn = 2.0 * 3.141592653589793 * i / (6.0 * ring);
-      directions.push_back(std::cos(off) * axis +
-                           std::sin(off) * (std::cos(turn) * basis.side + std::sin(turn) * basis.other));
+      directions.push_back(std::cos(off) * axis + std::sin(off) * (std::cos(turn) * basis.side +
+                                                                   std::sin(turn) * basis.other));
     }
   }
   return directions;
@@ -41,16 +41,17 @@ inline octomap::point3d ray_end(host::Vec3 origin, host::Vec3 direction, double 
 /// What a column of OctoMap's voxels says about its surface. It has no rule of its own for that; the
 /// caller takes the better one.
 struct OctomapColumn {
-  double top = 0;              ///< centre of the shallowest occupied voxel
-  double weighted_depth = 0;   ///< sum of depth * (occupancy - 1/2) over occupied voxels
-  double weight = 0;           ///< sum of occupancy - 1/2; 0: nothing occupied
+  double top = 0;             ///< centre of the shallowest occupied voxel
+  double weighted_depth = 0;  ///< sum of depth * (occupancy - 1/2) over occupied voxels
+  double weight = 0;          ///< sum of occupancy - 1/2; 0: nothing occupied
   [[nodiscard]] double mean() const { return weighted_depth / weight; }
 };
 
 /// Columns of `tree` over north x east cells from its origin: index n * east + e.
 inline std::vector<OctomapColumn> octomap_columns(const octomap::OcTree& tree, int north, int east,
                                                   double cell_m) {
-  std::vector<OctomapColumn> columns(static_cast<std::size_t>(north) * static_cast<std::size_t>(east));
+  std::vector<OctomapColumn> columns(static_cast<std::size_t>(north) *
+                                     static_cast<std::size_t>(east));
   for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf) {
     if (!tree.isNodeOccupied(*leaf)) {
       continue;
@@ -67,7 +68,8 @@ inline std::vector<OctomapColumn> octomap_columns(const octomap::OcTree& tree, i
           continue;
         }
         OctomapColumn& column =
-            columns[static_cast<std::size_t>(n) * static_cast<std::size_t>(east) + static_cast<std::size_t>(e)];
+            columns[static_cast<std::size_t>(n) * static_cast<std::size_t>(east) +
+                    static_cast<std::size_t>(e)];
         for (int k = 0; k < count; ++k) {
           const double depth = leaf.getZ() - half + (k + 0.5) * cell_m;
           column.top = column.weight > 0 ? std::min(column.top, depth) : depth;

@@ -15,7 +15,16 @@ using leadline::test::Random;
 struct Column {
   std::vector<Voxel> voxels;
 
-  explicit Column(std::int32_t depth_cells) : voxels(static_cast<std::size_t>(depth_cells)) {}
+  explicit Column(std::int32_t depth_cells) : voxels(static_cast<std::size_t>(depth_cells)) {
+    // The vector form reads on past the end, as the grid's storage allows (what is there must not
+    // matter: test_column_kernels.cpp).
+    voxels.reserve(voxels.size() + 16);
+  }
+  // A copy of a vector does not keep the room.
+  Column(const Column& other) : Column(static_cast<std::int32_t>(other.voxels.size())) {
+    voxels.assign(other.voxels.begin(), other.voxels.end());
+  }
+  Column& operator=(const Column&) = delete;
 
   /// Hits of a surface at `centre`: Gaussian, `peak` units high.
   Column& surface(double centre, double sigma, double peak) {

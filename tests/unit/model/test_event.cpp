@@ -316,7 +316,7 @@ TEST(walls_and_grazing_beams) {
     const double east = 450.0 + 60.0 * c * std::sin(kPi / 6);
     assert_true(event.north0 <= north && north <= event.north1 + 1);
     assert_true(event.east0 <= east && east <= event.east1 + 1);
-    // Surely empty up to half a sigma before the shell, never beyond it.
+    // Surely empty up to some radial deviations before the shell, never beyond it.
     assert_true(event.empty_range_q10 < 60 * 1024);
     assert_true(event.empty_range_q10 > 57 * 1024);
   }
