@@ -26,6 +26,7 @@ enum class DepthMethod : std::uint8_t {
 /// estimate (so that the grid's top and bottom do not pull), iterated. The evidence of a voxel is its
 /// `hit`, unless it was seen empty four times as often (kLogOdds), or hit - miss where positive
 /// (kWeightedMean, whose empty evidence leaves traces in both halves). O(depth), no division per voxel.
+/// Reads past the column as gather_profile() does.
 [[nodiscard]] ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells,
                                        DepthMethod method, Rule rule);
 

@@ -54,7 +54,8 @@ inline constexpr std::int32_t kProfileGuard = 16;
 
 /// Evidence of every voxel of a column (see column_depth()) into evidence[0, depth_cells), zeros into
 /// the guards around it, and evidence smoothed by (1 2 3 2 1) into smoothed[0, depth_cells).
-/// `smoothed` must have room for depth_cells + 8. O(depth).
+/// `smoothed` must have room for depth_cells + 8; up to 7 voxels past the column are read, whatever they
+/// hold (the grid's storage has them). O(depth).
 ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
                               std::uint16_t* evidence, std::uint16_t* smoothed);
 ProfileSummary gather_profile_scalar(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
