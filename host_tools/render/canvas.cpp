@@ -19,6 +19,9 @@
 // of it; about a kilobyte, once. Without this the leak check fails every program that draws text.
 extern "C" const char* __lsan_default_suppressions();
 extern "C" const char* __lsan_default_suppressions() { return "leak:libfontconfig\n"; }
+// Nor is it worth a notice on the standard error of every run.
+extern "C" const char* __lsan_default_options();
+extern "C" const char* __lsan_default_options() { return "print_suppressions=0"; }
 #endif
 
 namespace leadline::host::render {
