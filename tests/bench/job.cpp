@@ -4,8 +4,10 @@
 //   OctoMap given the same pings as bundles of 37 rays and as single rays, each of its insert functions;
 //   what a ping costs by map size and by the voxels that it touches.
 //
-// Records are made before any clock starts. Every time is the least of several runs, per ping too where
-// it says so: pings and results are the same in each run, so what differs is the machine's other work.
+// Records are made before any clock starts. Runs are timed in blocks of 1,000 pings by the processor time
+// of the thread, and the least time of each block over all runs is summed: every run does the same work, so
+// what differs is what else the machine does. The same for us, for OctoMap and for the loop without
+// arithmetic.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -14,8 +16,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <functional>
 #include <limits>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -44,21 +48,45 @@ constexpr int kRuns = 9;
 // As on a vehicle: one static object.
 model::Model the_model;
 
-double seconds_of(const std::function<void()>& work) {
-  const auto start = Clock::now();
-  work();
-  return std::chrono::duration<double>(Clock::now() - start).count();
+/// Processor time of this thread.
+double cpu_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
 }
 
-double least_seconds(int runs, const std::function<void()>& prepare,
-                     const std::function<void()>& work) {
-  double least = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < runs; ++i) {
-    prepare();
-    least = std::min(least, seconds_of(work));
+/// Times the same work again and again, block by block.
+class LeastTime {
+ public:
+  explicit LeastTime(std::size_t count) : count_(count) {}
+
+  /// One more run: `work(begin, end)` for each block of [0, count), `finish` after the last.
+  void run(
+      const std::function<void(std::size_t, std::size_t)>& work,
+      const std::function<void()>& finish = [] {}) {
+    constexpr std::size_t kBlock = 1000;
+    const std::size_t blocks = (count_ + kBlock - 1) / kBlock;
+    least_.resize(blocks + 1, std::numeric_limits<double>::infinity());
+    double before = cpu_seconds();
+    for (std::size_t block = 0; block <= blocks; ++block) {
+      if (block < blocks) {
+        work(block * kBlock, std::min(count_, (block + 1) * kBlock));
+      } else {
+        finish();
+      }
+      const double after = cpu_seconds();
+      least_[block] = std::min(least_[block], after - before);
+      before = after;
+    }
   }
-  return least;
-}
+  [[nodiscard]] double seconds() const {
+    return std::accumulate(least_.begin(), least_.end(), 0.0);
+  }
+
+ private:
+  std::size_t count_;
+  std::vector<double> least_;
+};
 
 [[noreturn]] void give_up(const std::string& what) {
   std::fprintf(stderr, "bench.job: %s\n", what.c_str());
@@ -123,9 +151,15 @@ void configure(const Job& job, model::Rule rule) {
   }
 }
 
-void integrate_all(const Job& job) {
-  for (std::size_t i = 0; i < job.pings.size(); ++i) {
-    the_model.integrate(job.pings[i], job.poses[i]);
+/// `runs` more runs of the whole job from an empty map.
+void time_job(const Job& job, model::Rule rule, int runs, LeastTime& least) {
+  for (int i = 0; i < runs; ++i) {
+    configure(job, rule);
+    least.run([&job](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) {
+        the_model.integrate(job.pings[k], job.poses[k]);
+      }
+    });
   }
 }
 
@@ -227,6 +261,7 @@ double clock_overhead_ns() {
 }
 
 struct Ours {
+  LeastTime time{kPings};
   double seconds = 0;
   double voxels_per_ping = 0;
   std::uint32_t max_voxels = 0;
@@ -239,8 +274,7 @@ struct Ours {
 Ours measure_ours(const Survey& survey, model::Rule rule) {
   const Job& job = survey.job;
   Ours ours;
-  ours.seconds = least_seconds(
-      kRuns, [&] { configure(job, rule); }, [&] { integrate_all(job); });
+  time_job(job, rule, kRuns, ours.time);
   const model::ModelCounters& counters = the_model.counters();
   ours.voxels_per_ping = static_cast<double>(counters.voxel_updates) / kPings;
   ours.max_voxels = counters.max_voxels_per_ping;
@@ -266,8 +300,11 @@ Ours measure_ours(const Survey& survey, model::Rule rule) {
   std::sort(runs.begin(), runs.end());
   ours.raw_ns = runs[kRuns / 2].second;
 
-  ours.extract_seconds = least_seconds(
-      3, [] {}, [] { the_model.extract(); });
+  LeastTime extraction(1);
+  for (int i = 0; i < 5; ++i) {
+    extraction.run([](std::size_t, std::size_t) { the_model.extract(); });
+  }
+  ours.extract_seconds = extraction.seconds();
   ours.accuracy = accuracy(survey, [](int n, int e) {
     const std::int32_t depth_q8 = the_model.result(n, e).depth_q8;
     return depth_q8 == model::kUnknownDepth ? std::nan("")
@@ -368,17 +405,19 @@ Addresses find_addresses(const Job& job, model::Rule rule) {
 double load_store_seconds(const Addresses& addresses) {
   // The model's own storage: the same memory, the same pages.
   auto* const words = reinterpret_cast<volatile std::uint32_t*>(the_model.grid().column_voxels(0));
-  return least_seconds(
-      kRuns, [] {},
-      [&] {
-        std::size_t at = 0;
-        for (const std::size_t end : addresses.end) {
-          for (; at < end; ++at) {
-            volatile std::uint32_t& word = words[addresses.voxel[at]];
-            word = word;
-          }
+  LeastTime least(addresses.end.size());
+  for (int i = 0; i < kRuns; ++i) {
+    std::size_t at = 0;
+    least.run([&](std::size_t begin, std::size_t end) {
+      for (std::size_t ping = begin; ping < end; ++ping) {
+        for (; at < addresses.end[ping]; ++at) {
+          volatile std::uint32_t& word = words[addresses.voxel[at]];
+          word = word;
         }
-      });
+      }
+    });
+  }
+  return least.seconds();
 }
 
 // ---------------------------------------------------------------------------------------------------
@@ -427,9 +466,10 @@ struct Octomap {
   std::size_t memory_bytes = 0;
   Accuracy accuracy;
   const char* way = "";
+  std::string rows;  ///< of the table of all insert functions
 };
 
-/// Every insert function twice, and the fastest three times more; prints them all, returns the fastest.
+/// Every insert function three times, and the fastest as often as ours; prints all, returns the fastest.
 Octomap measure_octomap(const Survey& survey, int rays) {
   const Job& job = survey.job;
   std::vector<octomap::Pointcloud> clouds(kPings);
@@ -445,37 +485,43 @@ Octomap measure_octomap(const Survey& survey, int rays) {
     }
     origins[i] = leadline::test::ray_end(origin, axis, 0);
   }
-  const auto fly = [&](const Insert& insert, octomap::OcTree& tree) {
-    return seconds_of([&] {
-      for (std::size_t i = 0; i < kPings; ++i) {
-        insert.insert(tree, clouds[i], origins[i]);
-      }
-      if (insert.lazy) {
-        tree.updateInnerOccupancy();
-      }
-    });
+  const auto fly = [&](const Insert& insert, octomap::OcTree& tree, LeastTime& least) {
+    least.run(
+        [&](std::size_t begin, std::size_t end) {
+          for (std::size_t i = begin; i < end; ++i) {
+            insert.insert(tree, clouds[i], origins[i]);
+          }
+        },
+        [&] {
+          if (insert.lazy) {
+            tree.updateInnerOccupancy();
+          }
+        });
   };
   Octomap best;
   const std::vector<Insert> list = inserts();
-  const Insert* fastest = nullptr;
-  for (const Insert& insert : list) {
-    double seconds = std::numeric_limits<double>::infinity();
-    for (int run = 0; run < 2; ++run) {
+  std::vector<LeastTime> times(list.size(), LeastTime(kPings));
+  // All of them in turn, so that none has the machine's quiet moments to itself.
+  for (int run = 0; run < 3; ++run) {
+    for (std::size_t i = 0; i < list.size(); ++i) {
       octomap::OcTree tree(1.0);
-      seconds = std::min(seconds, fly(insert, tree));
-    }
-    std::printf("| %d | %s | %.0f |\n", rays, insert.name, kPings / seconds);
-    std::fflush(stdout);
-    if (seconds < best.seconds) {
-      best.seconds = seconds;
-      fastest = &insert;
+      fly(list[i], tree, times[i]);
     }
   }
-  best.name = fastest->name;
-  for (int i = 0; i < 3; ++i) {
+  std::size_t fastest = 0;
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    char row[120];
+    std::snprintf(row, sizeof row, "| %d | %s | %.0f |\n", rays, list[i].name,
+                  kPings / times[i].seconds());
+    best.rows += row;
+    fastest = times[i].seconds() < times[fastest].seconds() ? i : fastest;
+  }
+  best.name = list[fastest].name;
+  for (int run = 3; run < 2 * kRuns; ++run) {
     octomap::OcTree tree(1.0);
-    best.seconds = std::min(best.seconds, fly(*fastest, tree));
-    if (i > 0) {
+    fly(list[fastest], tree, times[fastest]);
+    best.seconds = times[fastest].seconds();
+    if (run > 3) {
       continue;
     }
     best.memory_bytes = tree.memoryUsage();
@@ -538,9 +584,9 @@ struct Point {
   double ns = 0;
 };
 
-Point measure_curve(const Job& job, int runs) {
-  const double seconds = least_seconds(
-      runs, [&] { configure(job, model::Rule::kLogOdds); }, [&] { integrate_all(job); });
+Point measure_curve(const Job& job, int runs, LeastTime& least) {
+  time_job(job, model::Rule::kLogOdds, runs, least);
+  const double seconds = least.seconds();
   const auto pings = static_cast<double>(job.pings.size());
   const model::ModelCounters& counters = the_model.counters();
   return {static_cast<double>(counters.voxel_updates) / pings, 0, seconds / pings * 1e9};
@@ -562,13 +608,11 @@ void print_map_sizes() {
   }
   // Round by round, so that a busy spell of the machine does not fall on one point alone.
   std::vector<std::array<Point, 2>> points(sides.size());
+  std::vector<std::array<LeastTime, 2>> times(sides.size(), {LeastTime(kPings), LeastTime(kPings)});
   for (int round = 0; round < 3; ++round) {
     for (std::size_t i = 0; i < sides.size(); ++i) {
       for (std::size_t order = 0; order < 2; ++order) {
-        const Point point = measure_curve(jobs[i][order], 3);
-        if (round == 0 || point.ns < points[i][order].ns) {
-          points[i][order] = point;
-        }
+        points[i][order] = measure_curve(jobs[i][order], 3, times[i][order]);
       }
     }
   }
@@ -620,17 +664,18 @@ void print_voxels_touched() {
       jobs.push_back(curve_job({128, 128, 128}, range, half_angle_deg, 100, 8000, true));
     }
   }
+  points.resize(jobs.size());
+  std::vector<LeastTime> times;
+  for (const Job& job : jobs) {
+    times.emplace_back(job.pings.size());
+  }
   // Round by round, so that a busy spell of the machine does not fall on one point alone.
   for (int round = 0; round < 4; ++round) {
     for (std::size_t i = 0; i < jobs.size(); ++i) {
-      Point point = measure_curve(jobs[i], 4);
+      points[i] = measure_curve(jobs[i], 4, times[i]);
       const double radius =
           std::max(model::kTouch_q10 / 1024.0, std::tan(beams[i][0] * kPi / 180) * beams[i][1]);
-      point.columns = kPi * radius * radius;
-      if (round == 0) {
-        points.push_back(point);
-      }
-      points[i].ns = std::min(points[i].ns, point.ns);
+      points[i].columns = kPi * radius * radius;
     }
   }
   for (std::size_t i = 0; i < jobs.size(); ++i) {
@@ -664,6 +709,14 @@ void print_job() {
     // Its addresses may differ in number by the last bit of a slope: per voxel, then.
     bare_seconds[i] = load_store_seconds(addresses) / static_cast<double>(addresses.voxel.size()) *
                       ours[i].voxels_per_ping * kPings;
+  }
+
+  const Octomap bundle = measure_octomap(survey, 37);
+  const Octomap ray = measure_octomap(survey, 1);
+  for (int i = 0; i < 2; ++i) {
+    // As late as OctoMap: the machine may have become quieter since.
+    time_job(job, rules[i], kRuns, ours[i].time);
+    ours[i].seconds = ours[i].time.seconds();
   }
 
   std::printf(
@@ -711,14 +764,7 @@ void print_job() {
   std::printf(
       "\n### OctoMap\n\nSame pings, resolution = cell, its default sensor model.\n\n| rays per "
       "ping | insert function | pings/s |\n|---|---|---|\n");
-  const Octomap bundle = measure_octomap(survey, 37);
-  const Octomap ray = measure_octomap(survey, 1);
-  // OctoMap had a minute in which to meet a quiet moment of the machine; so do we.
-  for (int i = 0; i < 2; ++i) {
-    ours[i].seconds = std::min(ours[i].seconds, least_seconds(
-                                                    kRuns, [&] { configure(job, rules[i]); },
-                                                    [&] { integrate_all(job); }));
-  }
+  std::printf("%s%s", bundle.rows.c_str(), ray.rows.c_str());
 
   const double cells = static_cast<double>(kSide) * kSide * kDepth;
   const double columns = static_cast<double>(kSide) * kSide;
