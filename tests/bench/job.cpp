@@ -665,10 +665,7 @@ void print_voxels_touched() {
     }
   }
   points.resize(jobs.size());
-  std::vector<LeastTime> times;
-  for (const Job& job : jobs) {
-    times.emplace_back(job.pings.size());
-  }
+  std::vector<LeastTime> times(jobs.size(), LeastTime(jobs.front().pings.size()));
   // Round by round, so that a busy spell of the machine does not fall on one point alone.
   for (int round = 0; round < 4; ++round) {
     for (std::size_t i = 0; i < jobs.size(); ++i) {
