@@ -52,7 +52,7 @@ class OutputDir {
   OutputDir(const OutputDir&) = delete;
   OutputDir& operator=(const OutputDir&) = delete;
 
-  /// Registers a result and returns the path under which to write it for now (same base name and
+  /// Registers a result and returns the path under which to write it until then (same base name and
   /// extension, so that format drivers can go by it). `name` has no directory part.
   [[nodiscard]] std::string stage(const std::string& name);
   /// stage() and write.

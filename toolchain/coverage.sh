@@ -34,7 +34,7 @@ build="$root/build/coverage"
 # Counts of an earlier run would hide a test that no longer runs.
 find "$build" -name '*.gcda' -delete
 tests_failed=0
-# The search for the work bound takes minutes without optimization and runs no line that the others do
+# The search for the work bound takes minutes without optimization and runs three lines that the others do
 # not. The lines of a test that fails count all the same.
 run_ctest coverage -L "$label" -R '^(unit\.(base|model)|property)\.' -E '^property\.work_bound' ||
   tests_failed=1
