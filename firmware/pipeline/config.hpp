@@ -1,0 +1,93 @@
+// Everything a vehicle is configured with: plain integers, made by firmware/config from vehicle.toml, or
+// read back from a log. See firmware/README.md.
+#pragma once
+
+#include <cstdint>
+
+#include "model/base/pose.hpp"
+#include "model/base/units.hpp"
+#include "model/config.hpp"
+
+namespace leadline::firmware {
+
+inline constexpr std::uint16_t kVehicleConfigSchemaVersion = 1;
+inline constexpr int kMaxPorts = 8;   ///< device ports, the link not counted
+inline constexpr int kMaxMounts = 8;  ///< one per sonar head
+
+/// Codec at the end of a port.
+enum class Driver : std::uint8_t {
+  kNone = 0,
+  kPing1d = 1,
+  kPing360 = 2,
+  kNmea = 3,  ///< attitude, heading, position, pressure: whatever sentences arrive
+};
+
+struct PortConfig {
+  Driver driver;
+  std::uint8_t mount;  ///< sonar heads: index into mounts
+  std::uint16_t reserved;
+  std::int32_t latency_us;  ///< from the measured instant to the arrival of the last byte, excess over
+                            ///< what the codec itself accounts for
+  /// Sonar heads: what to ask of the device.
+  std::int64_t min_range_um;
+  std::int64_t max_range_um;
+  std::int32_t ping_interval_us;  ///< poll period; 0 = the device runs free
+  std::int32_t scan_first_grad;   ///< Ping360: first and last angle, 400 gradians a turn
+  std::int32_t scan_last_grad;
+  std::int32_t scan_step_grad;
+  std::int32_t profile;  ///< 1: ask for intensities and detect on the vehicle; 0: the head's own range
+};
+
+/// Where a head sits and how it looks: body frame FRD from the reference point.
+struct MountConfig {
+  std::int32_t lever_arm_mm[3];
+  base::Attitude boresight;  ///< rotates the mount's frame into the body's
+  std::uint8_t table;        ///< localization table of the head
+  std::uint8_t reserved[3];
+};
+
+/// Initial and process noise of navigation, and what sensors do not state themselves. One sigma.
+struct NavigationConfig {
+  std::int64_t origin_latitude_e9deg;  ///< NED origin; 0,0 with has_origin 0: first fix
+  std::int64_t origin_longitude_e9deg;
+  std::int32_t has_origin;
+  std::int32_t magnetic_variation_bam32;  ///< true = magnetic + variation
+  std::int64_t surface_pressure_pa;
+  std::int32_t water_density_g_m3;  ///< 1029000
+  std::int32_t gravity_um_s2;       ///< 9806650
+  std::int32_t sigma_fix_mm;        ///< horizontal fix
+  std::int32_t sigma_depth_mm;
+  std::int32_t sigma_attitude_urad;
+  std::int32_t sigma_heading_urad;
+  std::int32_t acceleration_mm_s2;           ///< process noise, horizontal and vertical
+  std::int32_t angular_acceleration_urad_s2;  ///< process noise, attitude
+  std::int32_t max_gap_us;   ///< poses farther apart are not interpolated
+  std::int32_t max_wait_us;  ///< a ping waits this long for a pose behind it
+};
+
+struct LinkConfig {
+  std::uint32_t rate_bytes_s;  ///< budget, framing included
+  std::uint16_t mtu_bytes;     ///< largest frame on the wire, 64 .. 1400
+  std::uint16_t reserved;
+  std::uint32_t status_interval_us;
+  std::uint32_t hello_interval_us;
+};
+
+struct VehicleConfig {
+  std::uint16_t schema_version;  ///< kVehicleConfigSchemaVersion
+  std::uint16_t port_count;
+  std::uint16_t mount_count;
+  std::uint16_t table_count;
+  std::uint64_t survey_id;
+  model::ModelConfig model;
+  std::int32_t epsg;  ///< 0 = none; informative, for the topside
+  std::int32_t sound_speed_mm_s;
+  std::uint32_t cycle_voxel_budget;  ///< voxels written per cycle; 0 = no budget
+  std::uint32_t cycle_tile_budget;   ///< tiles extracted per cycle
+  PortConfig ports[kMaxPorts];
+  MountConfig mounts[kMaxMounts];
+  NavigationConfig navigation;
+  LinkConfig link;
+};
+
+}  // namespace leadline::firmware
