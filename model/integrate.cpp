@@ -234,36 +234,47 @@ Evidence empty_evidence(Rule rule, std::uint32_t strength_q7, std::uint32_t dist
   return Evidence{hit_q7, strength_q7 - hit_q7};
 }
 
-// The lateral weight's tables of one event.
-struct LateralProfile {
-  const std::uint16_t* along;
-  const std::uint16_t* across;
-  bool two_axis;
+// Normalized radius squared along one row of columns, in entries of the profile: a quadratic in the
+// column, run by differences. Q12: |xi|, |eta| < 100 inside the largest footprint (a cell's own variance
+// keeps their steps below 1.5), which is half a million entries; a row of 48 columns drifts by less
+// than a tenth of an entry.
+struct RadiusRow {
+  std::uint32_t value_q12;
+  std::uint32_t step_q12;
 };
 
-// Weight at normalized lateral coordinates, Q15; 0 beyond the cut.
-inline std::uint32_t lateral_weight_q15(const LateralProfile& profile, std::int32_t xi_q16,
-                                        std::int32_t eta_q16) {
-  constexpr std::uint32_t kCut2_q16 = kProfileCut2_q8 << 8U;
-  constexpr std::int32_t kCut_q16 = 144179;  // 2.2, its square root
-  // Entries per unit of m^2: kProfileSteps / 4.84 = 26.45.
-  constexpr std::uint32_t kEntries_q10 = 27079;
-  if (xi_q16 > kCut_q16 || xi_q16 < -kCut_q16 || eta_q16 > kCut_q16 || eta_q16 < -kCut_q16) {
+constexpr std::int64_t kEntriesPerUnit_q10 = 27079;  // kProfileSteps / 4.84
+constexpr std::uint32_t kProfileEnd_q12 = static_cast<std::uint32_t>(kProfileSteps) << 12U;
+
+std::uint32_t radius_second_difference_q12(std::int64_t xi_de_q16, std::int64_t eta_de_q16) {
+  const std::int64_t twice_q32 = 2 * (xi_de_q16 * xi_de_q16 + eta_de_q16 * eta_de_q16);
+  return static_cast<std::uint32_t>(((twice_q32 >> 8) * kEntriesPerUnit_q10 + (1 << 21)) >> 22);
+}
+
+RadiusRow radius_row(std::int64_t xi_q16, std::int64_t eta_q16, std::int64_t xi_de_q16,
+                     std::int64_t eta_de_q16) {
+  // Above zero by a few units, so that rounding never takes the centre below it.
+  constexpr std::int64_t kMargin_q12 = 8;
+  const std::int64_t square_q32 = xi_q16 * xi_q16 + eta_q16 * eta_q16;
+  const std::int64_t change_q32 =
+      xi_de_q16 * (2 * xi_q16 + xi_de_q16) + eta_de_q16 * (2 * eta_q16 + eta_de_q16);
+  return RadiusRow{
+      static_cast<std::uint32_t>((((square_q32 >> 8) * kEntriesPerUnit_q10) >> 22) + kMargin_q12),
+      static_cast<std::uint32_t>(((change_q32 >> 8) * kEntriesPerUnit_q10) >> 22)};
+}
+
+// Weight of a two-axis beam at normalized lateral coordinates, Q15; 0 beyond the cut.
+std::uint32_t two_axis_weight_q15(const std::uint16_t* along, const std::uint16_t* across,
+                                  std::int64_t xi_q16, std::int64_t eta_q16) {
+  const auto entry_q12 = [](std::int64_t value_q16) {
+    return static_cast<std::uint64_t>(((value_q16 * value_q16 >> 8) * kEntriesPerUnit_q10) >> 22);
+  };
+  const std::uint64_t a_q12 = entry_q12(xi_q16);
+  const std::uint64_t b_q12 = entry_q12(eta_q16);
+  if (a_q12 + b_q12 >= kProfileEnd_q12) {
     return 0;
   }
-  // Squares of at most 2.2 in Q16: the products fit 36 bits before the shift.
-  const auto xi2 = static_cast<std::uint32_t>((static_cast<std::int64_t>(xi_q16) * xi_q16) >> 16);
-  const auto eta2 =
-      static_cast<std::uint32_t>((static_cast<std::int64_t>(eta_q16) * eta_q16) >> 16);
-  if (xi2 + eta2 >= kCut2_q16) {
-    return 0;
-  }
-  if (!profile.two_axis) {
-    return profile.along[(((xi2 + eta2) >> 6U) * kEntries_q10) >> 20U];
-  }
-  const std::uint32_t a = profile.along[((xi2 >> 6U) * kEntries_q10) >> 20U];
-  const std::uint32_t b = profile.across[((eta2 >> 6U) * kEntries_q10) >> 20U];
-  return (a * b) >> 15U;
+  return (static_cast<std::uint32_t>(along[a_q12 >> 12U]) * across[b_q12 >> 12U]) >> 15U;
 }
 
 // Entry of the tables over range / max_range.
@@ -422,69 +433,161 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
                ratio(cez * cnn - cnz * cne, determinant, 4)};
 }
 
-void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
-  const std::int32_t depth_cells = scale_.size[2];
-  const LateralProfile profile{table_.profile_q15[0][event.profile_class],
-                               table_.profile_q15[1][event.profile_class], table_.two_axis != 0};
-  const std::uint32_t seed = base::mix_u32(ping_number_);
-  // Evidence of the shell: all for, or, in the weighted mean, rho = 1 - 0.5 sqrt(R / R_max) of it.
-  const std::uint32_t against_q15 = config_.rule == Rule::kWeightedMean
-                                        ? kEmptyRho_q15[range_entry(scale_, event.empty_range_q10)]
-                                        : 0U;
-  const auto& kernel = table_.kernel_q15[event.level];
-  const auto& kernel_first = table_.kernel_first[event.level];
-  const auto& kernel_count = table_.kernel_count[event.level];
-  std::uint32_t rescale_candidate = kNoColumn;
-  std::uint32_t columns = 0;
-  std::uint32_t written = 0;
-  for (std::int32_t n = event.north0; n <= event.north1; ++n) {
-    const std::int32_t row = n - event.north0;
-    std::int32_t xi = event.xi0_q16 + row * event.xi_dn_q16;
-    std::int32_t eta = event.eta0_q16 + row * event.eta_dn_q16;
-    std::int32_t depth = event.depth0_q16 + row * event.depth_dn_q16;
-    // Dither follows the place in the grid, not in storage: the map must not depend on paging.
-    const std::uint32_t row_dither =
-        seed + static_cast<std::uint32_t>(n * kMaxSideCells) * kColumnDither;
-    std::uint32_t row_base = 0;           // storage index of column (n, first of the tile)
-    std::int32_t tile_end = event.east0;  // first column east of the current tile
-    for (std::int32_t e = event.east0; e <= event.east1;
-         ++e, xi += event.xi_de_q16, eta += event.eta_de_q16, depth += event.depth_de_q16) {
-      const std::uint32_t weight_q7 =
-          (event.weight_q7 * lateral_weight_q15(profile, xi, eta)) >> 15U;
-      const auto phase = static_cast<std::uint32_t>((depth >> 12) & 15);
-      const std::int32_t first_tap = kernel_first[phase];
-      const std::int32_t start = (depth >> 16) - kKernelCentre + first_tap;
-      const std::int32_t low = max_of(start, 0);
-      const std::int32_t count = min_of(start + kernel_count[phase], depth_cells) - low;
-      if (weight_q7 == 0 || count <= 0) {
+// What the columns of one shell have in common. Copied where the loop runs: it then stays in registers,
+// which nothing can do that voxels, of whatever type, might alias.
+struct Model::ShellContext {
+  const std::uint16_t* along;
+  const std::uint16_t* across;
+  const std::int16_t (*kernel)[kKernelTaps];
+  const std::uint8_t* kernel_first;
+  const std::uint8_t* kernel_count;
+  std::uint32_t weight_q7;
+  std::uint32_t against_q15;  // share of the shell's evidence that speaks against it
+  std::uint32_t now_ds;
+  std::uint32_t seed;
+  std::int32_t depth_cells;
+  std::int32_t blur_q8;
+};
+
+namespace {
+
+// The shell in one column: `weight_q7` around `depth_q16`. Returns the voxels written.
+template <typename Context>
+inline std::int32_t add_shell_column(const Context& shell, Voxel* voxels, std::int32_t depth_q16,
+                                     std::uint32_t weight_q7, std::uint32_t dither) {
+  const auto phase = static_cast<std::uint32_t>(depth_q16 >> 12) & 15U;
+  const std::int32_t first = shell.kernel_first[phase];
+  const std::int32_t taps = shell.kernel_count[phase];
+  const std::int32_t start = (depth_q16 >> 16) - kKernelCentre + first;
+  const std::uint32_t against_q7 = (weight_q7 * shell.against_q15) >> 15U;
+  const Evidence evidence{weight_q7 - against_q7, against_q7};
+  if (start >= 0 && start <= shell.depth_cells - taps) {
+    add_shell_taps(voxels + start, shell.kernel[phase], first, taps,
+                   dither + static_cast<std::uint32_t>(start) * kDitherStep, evidence);
+    return taps;
+  }
+  const std::int32_t low = max_of(start, 0);
+  const std::int32_t count = min_of(start + taps, shell.depth_cells) - low;
+  if (count <= 0) {
+    return 0;
+  }
+  add_shell(voxels + low, shell.kernel[phase] + first + (low - start), count,
+            static_cast<std::uint32_t>(low), evidence, dither);
+  return count;
+}
+
+inline void note_evidence(ColumnRecord& record, std::uint32_t weight_q7, std::uint32_t now_ds,
+                          std::int32_t blur_q8) {
+  const std::uint32_t units = (weight_q7 >> 7U) + 1U;
+  record.gain += units;
+  record.unchecked += units;
+  record.last_touch_ds = now_ds;
+  const std::int32_t change = (blur_q8 - record.blur_q8) >> 2;
+  record.blur_q8 = static_cast<std::uint16_t>(
+      (record.flags & kColumnTouched) != 0 ? record.blur_q8 + change : blur_q8);
+  record.flags |= kColumnTouched | kColumnDirty;
+}
+
+}  // namespace
+
+// One row of a shell; the place in the grid is looked up once per tile.
+template <bool kTwoAxis>
+Model::RowTotals Model::add_shell_row(const ShellEvent& event, const ShellContext& context,
+                                      std::int32_t n) {
+  const ShellContext shell = context;
+  RowTotals totals{0, 0, kNoColumn};
+  const std::int32_t row = n - event.north0;
+  std::int32_t xi = event.xi0_q16 + row * event.xi_dn_q16;
+  std::int32_t eta = event.eta0_q16 + row * event.eta_dn_q16;
+  std::int32_t depth = event.depth0_q16 + row * event.depth_dn_q16;
+  const std::int32_t xi_step = event.xi_de_q16;
+  const std::int32_t eta_step = event.eta_de_q16;
+  const std::int32_t depth_step = event.depth_de_q16;
+  RadiusRow radius{};
+  std::uint32_t bend = 0;
+  if (!kTwoAxis) {
+    radius = radius_row(xi, eta, xi_step, eta_step);
+    bend = radius_second_difference_q12(xi_step, eta_step);
+  }
+  // Dither follows the place in the grid, not in storage: the map must not depend on paging.
+  std::uint32_t dither =
+      shell.seed + static_cast<std::uint32_t>(n * kMaxSideCells + event.east0) * kColumnDither;
+  const std::int32_t east1 = event.east1;
+  std::int32_t e = event.east0;
+  while (e <= east1) {
+    const std::uint32_t base = grid_.column_index(n, e & ~(kTileCells - 1));
+    Voxel* voxels = grid_.column_voxels(base) + (e & (kTileCells - 1)) * shell.depth_cells;
+    ColumnRecord* record = &grid_.column(base) + (e & (kTileCells - 1));
+    const std::int32_t end = min_of(e | (kTileCells - 1), east1);
+    const std::uint32_t columns_before = totals.columns;
+    const TileId tile = grid_.tile_of(n, e);
+    for (; e <= end; ++e, ++record) {
+      Voxel* const column_voxels = voxels;
+      const std::int32_t column_depth_q16 = depth;
+      const std::uint32_t column_dither = dither;
+      voxels += shell.depth_cells;
+      depth += depth_step;
+      dither += kColumnDither;
+      std::uint32_t lateral_q15 = 0;
+      if (kTwoAxis) {
+        lateral_q15 = two_axis_weight_q15(shell.along, shell.across, xi, eta);
+        xi += xi_step;
+        eta += eta_step;
+      } else {
+        const std::uint32_t at_q12 = radius.value_q12;
+        radius.value_q12 += radius.step_q12;
+        radius.step_q12 += bend;
+        lateral_q15 = at_q12 < kProfileEnd_q12 ? shell.along[at_q12 >> 12U] : 0U;
+      }
+      const std::uint32_t weight_q7 = (shell.weight_q7 * lateral_q15) >> 15U;
+      if (weight_q7 == 0) {
         continue;
       }
-      if (e >= tile_end) {
-        // One look at the page table per tile and row.
-        row_base = grid_.column_index(n, e & ~(kTileCells - 1));
-        tile_end = (e | (kTileCells - 1)) + 1;
-        grid_.tile(grid_.tile_of(n, e)).touch(ping_number_);
+      const std::int32_t count =
+          add_shell_column(shell, column_voxels, column_depth_q16, weight_q7, column_dither);
+      if (count == 0) {
+        continue;
       }
-      const std::uint32_t column = row_base + static_cast<std::uint32_t>(e & (kTileCells - 1));
-      const std::uint32_t against_q7 = (weight_q7 * against_q15) >> 15U;
-      add_shell(grid_.column_voxels(column) + low, kernel[phase] + first_tap + (low - start), count,
-                static_cast<std::uint32_t>(low), Evidence{weight_q7 - against_q7, against_q7},
-                row_dither + static_cast<std::uint32_t>(e) * kColumnDither);
-      written += static_cast<std::uint32_t>(count);
-      ++columns;
-      ColumnRecord& record = grid_.column(column);
-      record.gain += (weight_q7 >> 7U) + 1U;
-      record.unchecked += (weight_q7 >> 7U) + 1U;
-      rescale_candidate = record.unchecked > kRescaleCheck ? column : rescale_candidate;
-      record.last_touch_ds = now_ds;
-      const std::int32_t change = (static_cast<std::int32_t>(event.blur_q8) - record.blur_q8) >> 2;
-      record.blur_q8 = static_cast<std::uint16_t>(
-          (record.flags & kColumnTouched) != 0 ? record.blur_q8 + change : event.blur_q8);
-      record.flags |= kColumnTouched | kColumnDirty;
+      totals.voxels += static_cast<std::uint32_t>(count);
+      ++totals.columns;
+      note_evidence(*record, weight_q7, shell.now_ds, shell.blur_q8);
+      if (record->unchecked > kRescaleCheck) {
+        totals.rescale_candidate = base + static_cast<std::uint32_t>(e & (kTileCells - 1));
+      }
+    }
+    if (totals.columns != columns_before) {
+      grid_.tile(tile).touch(ping_number_);
     }
   }
-  voxels_this_ping_ += written;
-  counters_.columns_updated += columns;
+  return totals;
+}
+
+void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
+  ShellContext shell{table_.profile_q15[0][event.profile_class],
+                     table_.profile_q15[1][event.profile_class],
+                     table_.kernel_q15[event.level],
+                     table_.kernel_first[event.level],
+                     table_.kernel_count[event.level],
+                     event.weight_q7,
+                     0,
+                     now_ds,
+                     base::mix_u32(ping_number_),
+                     scale_.size[2],
+                     event.blur_q8};
+  if (config_.rule == Rule::kWeightedMean) {
+    // rho = 1 - 0.5 sqrt(R / R_max) of the evidence speaks for the shell, the rest against it.
+    shell.against_q15 = kEmptyRho_q15[range_entry(scale_, event.empty_range_q10)];
+  }
+  const bool two_axis = table_.two_axis != 0;
+  std::uint32_t rescale_candidate = kNoColumn;
+  for (std::int32_t n = event.north0; n <= event.north1; ++n) {
+    const RowTotals row =
+        two_axis ? add_shell_row<true>(event, shell, n) : add_shell_row<false>(event, shell, n);
+    voxels_this_ping_ += row.voxels;
+    counters_.columns_updated += row.columns;
+    rescale_candidate =
+        row.rescale_candidate == kNoColumn ? rescale_candidate : row.rescale_candidate;
+  }
   if (rescale_candidate != kNoColumn) {
     check_saturation(rescale_candidate);
   }

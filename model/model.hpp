@@ -103,6 +103,14 @@ class Model {
                                  Sighting& sighting) const;
   void prefetch_columns(const BeamFrame& frame, const Sighting& sighting) const;
   [[nodiscard]] Slope estimate_slope(const BeamFrame& frame, const Sighting& sighting);
+  struct ShellContext;
+  struct RowTotals {
+    std::uint32_t voxels;
+    std::uint32_t columns;
+    std::uint32_t rescale_candidate;  // index of a column to look at for saturation, or none
+  };
+  template <bool kTwoAxis>
+  RowTotals add_shell_row(const ShellEvent& event, const ShellContext& context, std::int32_t n);
   void add_shell_event(const ShellEvent& event, std::uint32_t now_ds);
   void check_saturation(std::uint32_t column);
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
