@@ -556,7 +556,7 @@ Model::RowTotals Model::add_shell_row(const ShellEvent& event, const ShellContex
       }
     }
     if (totals.columns != columns_before) {
-      grid_.tile(tile).touch(ping_number_);
+      grid_.touch(tile, ping_number_);
     }
   }
   return totals;
@@ -638,7 +638,7 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       }
       const auto cell_n = static_cast<std::int32_t>(n);
       const auto cell_e = static_cast<std::int32_t>(e);
-      grid_.tile(grid_.tile_of(cell_n, cell_e)).touch(ping_number_);
+      grid_.touch(grid_.tile_of(cell_n, cell_e), ping_number_);
       Voxel* const voxels = grid_.column_voxels(grid_.column_index(cell_n, cell_e));
       const std::uint32_t dither =
           seed + static_cast<std::uint32_t>(n * kMaxSideCells + e) * kColumnDither;
