@@ -56,6 +56,22 @@ inline void add_shell_taps(Voxel* voxels, const std::int16_t (&row)[kKernelTaps]
 inline void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first,
                         const Evidence& evidence, std::uint32_t dither_base);
 
+/// What a pulling rule does to a voxel: a share of it, at the peak of a shell's taps or in all of a run,
+/// and the signal that it is pulled to.
+struct Pull {
+  std::uint32_t
+      gain_q15;  ///< share per unit of tap (Q15 of 1), may exceed 1: a voxel's is limited to it
+  std::uint32_t signal_q16;  ///< rho, 0 .. 65535
+};
+
+/// Pulls voxels[i] by taps[i] * gain, i in [0, count): kCertaintyFactor or kRecursive. Rounding is unbiased
+/// as above; the halves stay within 0 .. 65535 without saturating.
+void pull_shell(Rule rule, Voxel* voxels, const std::int16_t* taps, std::int32_t count,
+                std::uint32_t first, const Pull& pull, std::uint32_t dither_base);
+/// Pulls voxels[i] by the gain itself.
+void pull_uniform(Rule rule, Voxel* voxels, std::int32_t count, std::uint32_t first,
+                  const Pull& pull, std::uint32_t dither_base);
+
 /// Summary of a column's evidence profile.
 struct ProfileSummary {
   std::uint32_t mass;  ///< sum of evidence

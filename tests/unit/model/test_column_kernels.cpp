@@ -1,4 +1,6 @@
 // The inner loops: vector form against scalar form, both against wide arithmetic, exhaustively.
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <vector>
 
@@ -129,6 +131,86 @@ TEST(whole_kernel_rows_are_added_as_their_taps_are) {
       }
     }
   }
+}
+
+/// The two pulling rules as the source writes them, in double.
+double certainty_reference(double x, double y) {
+  const bool same_sign = x * y > 0.0;
+  return same_sign ? x + y - std::fabs(x) * y : x + y;
+}
+
+TEST(pulled_voxels_follow_the_source_within_one_unit) {
+  Random random(12);
+  double worst_recursive = 0.0;
+  double worst_certainty = 0.0;
+  for (int trial = 0; trial < 200'000; ++trial) {
+    const auto dither = static_cast<std::uint32_t>(random.next());
+    // Past one: limited to the whole voxel.
+    const Pull pull{static_cast<std::uint32_t>(random.between(0, 90'000)),
+                    static_cast<std::uint32_t>(random.between(0, 65535))};
+    const std::int16_t tap = static_cast<std::int16_t>(random.between(0, 32767));
+    const double share =
+        std::min(1.0, static_cast<double>(pull.gain_q15) / 32768.0 * tap / 32768.0);
+    const double rho = pull.signal_q16 / 65535.0;
+
+    const std::uint16_t hit = random_half(random);
+    const auto miss = static_cast<std::uint16_t>(random.between(0, kFull - hit));
+    Voxel voxel{hit, miss};
+    pull_shell(Rule::kRecursive, &voxel, &tap, 1, 3, pull, dither);
+    const double hit_expected = hit + (65535.0 * rho - hit) * share;
+    const double miss_expected = miss + (65535.0 * (1.0 - rho) - miss) * share;
+    worst_recursive = std::max({worst_recursive, std::fabs(voxel.hit - hit_expected),
+                                std::fabs(voxel.miss - miss_expected)});
+
+    const bool against = random.between(0, 1) == 1;
+    voxel = against ? Voxel{0, hit} : Voxel{hit, 0};
+    const double x = (against ? -1.0 : 1.0) * hit / 65535.0;
+    pull_shell(Rule::kCertaintyFactor, &voxel, &tap, 1, 3, pull, dither);
+    const double expected =
+        std::clamp(certainty_reference(x, share * (2.0 * rho - 1.0)), -1.0, 1.0);
+    worst_certainty =
+        std::max(worst_certainty, std::fabs((voxel.hit - voxel.miss) - 65535.0 * expected));
+    assert_true(voxel.hit == 0 || voxel.miss == 0);
+  }
+  print_message("worst difference, voxel units: recursive %.3f, certainty factor %.3f\n",
+                worst_recursive, worst_certainty);
+  // Rounding: one unit; the share's own rounding to 2^-15: up to four (65535 * 2 / 32768).
+  assert_true(worst_recursive < 1.0 + 2.0 + 0.01);
+  assert_true(worst_certainty < 1.0 + 2.0 + 0.01);
+}
+
+TEST(small_pulls_neither_vanish_nor_drift) {
+  // A share far below one unit, many times: the mean follows the exact filter.
+  for (const Rule rule : {Rule::kRecursive, Rule::kCertaintyFactor}) {
+    constexpr int kVoxels = 512;
+    constexpr int kPings = 4000;
+    std::vector<Voxel> voxels(kVoxels);
+    double exact = 0.0;
+    const Pull pull{1, 65535};  // 2^-15 of a voxel
+    for (std::uint32_t ping = 0; ping < kPings; ++ping) {
+      pull_uniform(rule, voxels.data(), kVoxels, 0, pull, leadline::base::mix_u32(ping));
+      exact += (1.0 - exact) / 32768.0;
+    }
+    double mean = 0.0;
+    for (const Voxel& voxel : voxels) {
+      mean += voxel.hit / 65535.0 / kVoxels;
+      assert_int_equal(voxel.miss, 0);
+    }
+    assert_near(mean, exact, 0.001 * exact);
+  }
+}
+
+TEST(pulled_halves_stay_within_the_whole) {
+  // hit + miss never exceeds one voxel by more than the rounding of both, whatever the sequence.
+  Random random(13);
+  Voxel voxel{};
+  for (int ping = 0; ping < 100'000; ++ping) {
+    const Pull pull{static_cast<std::uint32_t>(random.between(0, 40'000)),
+                    static_cast<std::uint32_t>(random.between(0, 65535))};
+    pull_uniform(Rule::kRecursive, &voxel, 1, 0, pull, static_cast<std::uint32_t>(random.next()));
+    assert_true(voxel.hit + voxel.miss <= kFull + 2);
+  }
+  assert_true(voxel.hit + voxel.miss >= kFull - 2);
 }
 
 TEST(column_profiles_in_vector_and_scalar_form_are_the_same) {
