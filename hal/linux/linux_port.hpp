@@ -53,8 +53,8 @@ struct PortResult {
   std::string error;  ///< empty: port is there
 };
 
-/// Resolves a host name (this may block) and makes the port; a first attempt to open it is made. A
-/// device that is not there is no error: it may come. Errors: a host name without address, an address
+/// Resolves a host name (this may block) and makes the port; the first service() opens it. A device
+/// that is not there is no error: it may come. Errors: a host name without address, an address
 /// to listen on that is taken.
 [[nodiscard]] PortResult make_port(const UriSpec& spec, FileUse file_use = FileUse::kRead);
 
