@@ -40,6 +40,8 @@ class LinuxPort : public BytePort {
   [[nodiscard]] virtual int last_errno() const = 0;
   /// Datagrams that the kernel dropped because nobody took them in time (SO_RXQ_OVFL).
   [[nodiscard]] virtual std::uint32_t kernel_drops() const { return 0; }
+  /// Whether each read() and write() is one datagram, lost whole or cut where there is no room for it.
+  [[nodiscard]] virtual bool datagrams() const { return false; }
   /// Port that a listening socket got; 0 for others.
   [[nodiscard]] virtual std::uint16_t local_port() const { return 0; }
 };
