@@ -31,6 +31,17 @@ constexpr std::size_t cobs_bound_bytes(std::size_t raw_bytes) {
 constexpr std::size_t frame_bound_bytes(std::size_t payload_bytes) {
   return cobs_bound_bytes(payload_bytes + kCrc_bytes) + 2;
 }
+/// Largest payload whose frame is never longer than `mtu_bytes`; 0 when not even an empty one fits.
+constexpr std::size_t max_payload_bytes(std::size_t mtu_bytes) {
+  constexpr std::size_t kEmpty_bytes = frame_bound_bytes(0);
+  if (mtu_bytes <= kEmpty_bytes) {
+    return 0;
+  }
+  // raw + raw / 254 + 1 <= mtu - 2, solved for raw.
+  const std::size_t body = mtu_bytes - 3;
+  const std::size_t payload = body - (body + 1) / 255 - kCrc_bytes;
+  return payload < kMaxPayload_bytes ? payload : kMaxPayload_bytes;
+}
 
 /// Writes one frame (delimiter, COBS of payload and CRC, delimiter) to `out`.
 ///
@@ -53,6 +64,11 @@ struct FrameCounters {
   std::uint32_t too_short;      ///< fewer bytes than a CRC
   std::uint32_t too_long;       ///< more bytes than the buffer holds
   std::uint32_t dropped_bytes;  ///< encoded bytes of all frames not delivered, delimiters excluded
+
+  /// Frames dropped, for whatever reason.
+  [[nodiscard]] std::uint32_t bad_frames() const {
+    return bad_crc + bad_code + too_short + too_long;
+  }
 };
 
 /// A payload inside the decoder's buffer: valid until the next call of feed() or reset().
@@ -86,6 +102,8 @@ class FrameDecoder {
   void reset();
 
   [[nodiscard]] const FrameCounters& counters() const { return counters_; }
+  /// Whether the bytes so far end inside a frame.
+  [[nodiscard]] bool mid_frame() const { return encoded_bytes_ != 0; }
 
  private:
   enum class Fault : std::uint8_t { kNone, kTooLong };
@@ -115,6 +133,7 @@ class FrameDecoderBuffer {
   FrameDecoderBuffer& operator=(const FrameDecoderBuffer&) = delete;
 
   [[nodiscard]] FrameDecoder& decoder() { return decoder_; }
+  [[nodiscard]] const FrameDecoder& decoder() const { return decoder_; }
 
  private:
   std::array<std::uint8_t, kPayloadCapacity_bytes + kCrc_bytes> storage_{};
