@@ -11,6 +11,8 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "hal/wire.hpp"
+
 namespace leadline::hal {
 namespace {
 
