@@ -5,6 +5,8 @@
 #include <chrono>
 #include <cstring>
 
+#include "hal/wire.hpp"
+
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
