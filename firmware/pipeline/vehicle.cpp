@@ -172,6 +172,7 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   survey_tag_ = proto::survey_tag(config_.survey_id, config_.session);
   counters_ = VehicleCounters{};
   watch_ = Watch{};
+  host_ = HostReport{};
   first_cycle_ = true;
   tick_ = 0;
   pending_.clear();
@@ -266,8 +267,13 @@ void Vehicle::take_chunks(const CycleInput& input) {
 }
 
 void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
-  if (chunk.data == nullptr || (chunk.port >= config_.port_count && chunk.port != kUplinkPort)) {
+  if (chunk.data == nullptr ||
+      (chunk.port >= config_.port_count && chunk.port != kUplinkPort && chunk.port != kHostPort)) {
     ++counters_.chunks_ignored;
+    return;
+  }
+  if (chunk.port == kHostPort) {
+    counters_.chunks_ignored += decode_host_report(chunk.data, size_bytes, host_) ? 0U : 1U;
     return;
   }
   if (chunk.port == kUplinkPort) {

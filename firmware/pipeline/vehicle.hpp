@@ -13,6 +13,7 @@
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
 #include "firmware/pipeline/downlink.hpp"
+#include "firmware/pipeline/host_report.hpp"
 #include "firmware/pipeline/link_map.hpp"
 #include "firmware/pipeline/ping_queue.hpp"
 #include "firmware/pipeline/tile_set.hpp"
@@ -244,6 +245,7 @@ class Vehicle {
   proto::FrameDecoderBuffer<proto::kMaxResendRequest_bytes> uplink_;
   std::uint32_t uplink_bad_ = 0;  ///< frames that its decoder had dropped when last looked at
   Watch watch_{};
+  HostReport host_{};              ///< the newest; port_count 0 while there is none
   std::uint32_t alarms_said_ = 0;  ///< bits that a text has reported
   std::uint32_t texts_due_ = 0;    ///< bits that a text is owed for
   std::array<std::uint8_t, proto::kMaxPayload_bytes> payload_{};

@@ -13,6 +13,8 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "hal/wire.hpp"
+
 namespace leadline::hal {
 namespace {
 
