@@ -357,7 +357,7 @@ TEST(a_changed_byte_costs_one_record_at_most) {
   const Bytes log = golden_log();
   const Read whole = read_log(log);
   for (std::size_t at = 0; at < log.size(); ++at) {
-    for (const std::uint8_t change : {0x01, 0x80, 0xFF, int{log[at]}}) {
+    for (const std::uint8_t change : Bytes{0x01, 0x80, 0xFF, log[at]}) {
       Bytes changed = log;
       changed[at] = static_cast<std::uint8_t>(changed[at] ^ change);
       if (changed[at] == log[at]) {
