@@ -208,9 +208,11 @@ Result<Geodetic> LocalPlane::to_geodetic(std::int64_t north_um, std::int64_t eas
         north_um - (meridian_arc_um(latitude, at) - origin_arc_um_ + offset.north_um);
     const std::int64_t de = east_um - offset.east_um;
     const Radii radius = radii(at);
-    const std::int64_t turn = offset.convergence;
-    latitude += mul_div(dn - times(turn, de), kRadian_e9deg, radius.meridian_um);
-    difference += mul_div(de + times(turn, dn), kRadian_e9deg, times(radius.prime_um, at.cosine));
+    const std::int64_t s = taylor(offset.convergence, true);
+    const std::int64_t c = taylor(offset.convergence, false);
+    latitude += mul_div(times(c, dn) - times(s, de), kRadian_e9deg, radius.meridian_um);
+    difference +=
+        mul_div(times(c, de) + times(s, dn), kRadian_e9deg, times(radius.prime_um, at.cosine));
     if (!within(latitude, kMaxLatitude_e9deg)) {
       return Status::kOutOfRange;
     }

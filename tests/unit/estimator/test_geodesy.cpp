@@ -141,9 +141,9 @@ TEST(there_and_back_is_the_same_place) {
       assert_true(std::abs(place.value().longitude_e9deg) <= kMaxLongitude_e9deg);
       const auto back = plane.to_plane(place.value());
       assert_true(back.ok());
-      // 3e-9 degrees of arc are 0.33 mm.
-      if (std::abs(back.value().north_um - north) > 340 ||
-          std::abs(back.value().east_um - east) > 340) {
+      // 2e-9 degrees of arc are 0.22 mm.
+      if (std::abs(back.value().north_um - north) > 230 ||
+          std::abs(back.value().east_um - east) > 230) {
         fail_msg("latitude %ld: %ld, %ld um comes back as %ld, %ld", latitude, north, east,
                  back.value().north_um, back.value().east_um);
       }
