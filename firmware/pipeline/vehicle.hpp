@@ -136,8 +136,7 @@ class Vehicle {
   /// Checks and adopts a configuration and its tables (all copied); forgets everything before. O(grid).
   /// * kBadVersion: schema of the configuration or of a table
   /// * kOutOfRange: a count, driver, mount index, rate or limit outside its range
-  /// * kInvalidArgument: table_count is not config.table_count, or a mount asks for a table other than 0
-  ///   (one table per model for now)
+  /// * kInvalidArgument: table_count is not config.table_count, or a mount asks for a table beyond it
   /// * whatever Model::configure says otherwise
   /// The vehicle does nothing until this has returned kOk.
   [[nodiscard]] base::Status configure(const VehicleConfig& config, const TableBlock* tables,
