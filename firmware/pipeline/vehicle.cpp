@@ -199,8 +199,9 @@ void Vehicle::configure_ports() {
       port.driver = Driver::kNone;
     }
     ports_[i].configure(port, config_.sound_speed_mm_s);
-    detector_[i] = model::EchoDetectorConfig{model_.table(config_.mounts[port.mount].table).detection_fraction_q16,
-                                             port.min_range_um, port.max_range_um};
+    detector_[i] = model::EchoDetectorConfig{
+        model_.table(config_.mounts[port.mount].table).detection_fraction_q16, port.min_range_um,
+        port.max_range_um};
   }
 }
 

@@ -176,9 +176,9 @@ TEST(a_host_report_reads_back) {
   std::uint8_t bytes[leadline::firmware::kMaxHostReport_bytes] = {};
   const std::size_t size = encode_host_report(report, bytes, sizeof bytes);
   assert_int_equal(size, 35);
-  const std::uint8_t expected[] = {1,    3, 0, 0, 0x10, 0, 0, 0x80, 0x39, 0x30, 0,    0,
-                                   7,    0, 0, 0, 0x70, 0x11, 1, 0, 1,    0,    0,    0,
-                                   0,    0, 0, 0, 0,    0, 1, 0xFF, 0xFF, 0xFF, 0xFF};
+  const std::uint8_t expected[] = {1, 3, 0, 0, 0x10, 0,    0, 0x80, 0x39, 0x30, 0,   0,
+                                   7, 0, 0, 0, 0x70, 0x11, 1, 0,    1,    0,    0,   0,
+                                   0, 0, 0, 0, 0,    0,    1, 0xFF, 0xFF, 0xFF, 0xFF};
   assert_memory_equal(bytes, expected, sizeof expected);
   HostReport again{};
   assert_true(decode_host_report(bytes, size, again));

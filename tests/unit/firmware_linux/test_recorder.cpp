@@ -1,11 +1,3 @@
-#include "firmware/linux/recorder.hpp"
-
-#include <fcntl.h>
-#include <poll.h>
-#include <sys/resource.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <csignal>
 #include <fstream>
 #include <iterator>
@@ -13,7 +5,14 @@
 #include <string>
 #include <vector>
 
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include "firmware/config/exit_codes.hpp"
+#include "firmware/linux/recorder.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
