@@ -244,8 +244,7 @@ Trajectory::Trajectory(const Terrain& terrain, const MotionPlan& plan) : plan_(p
                                   " m of the ground: raise altitude_m, altitude_smoothing_m or "
                                   "climb_rate_m_s, or lower speed_m_s");
     }
-    steps_.push_back(
-        {position, helm.velocity(time_s), helm.course_deg(), helm.turn_rate_deg_s()});
+    steps_.push_back({position, helm.velocity(time_s), helm.course_deg(), helm.turn_rate_deg_s()});
     helm.step(time_s);
     time_s = static_cast<double>(steps_.size()) * kStep_s;
     if (time_s > kMaxDuration_s) {
@@ -266,14 +265,13 @@ TruePose Trajectory::at(std::int64_t time_us) const {
   const auto index = static_cast<std::size_t>(clamped_us / kStep_us);
   const Step& a = steps_[index];
   const Step& b = steps_[std::min(index + 1, steps_.size() - 1)];
-  const double share =
-      static_cast<double>(clamped_us % kStep_us) / static_cast<double>(kStep_us);
+  const double share = static_cast<double>(clamped_us % kStep_us) / static_cast<double>(kStep_us);
   TruePose pose;
   pose.position_m =
       hermite(a.position_m, a.velocity_m_s, b.position_m, b.velocity_m_s, share, kStep_s);
   pose.velocity_m_s = (1.0 - share) * a.velocity_m_s + share * b.velocity_m_s;
-  const double course_deg = hermite(a.course_deg, a.turn_rate_deg_s, b.course_deg,
-                                    b.turn_rate_deg_s, share, kStep_s);
+  const double course_deg =
+      hermite(a.course_deg, a.turn_rate_deg_s, b.course_deg, b.turn_rate_deg_s, share, kStep_s);
   const double time_s = static_cast<double>(clamped_us) * 1e-6;
   pose.attitude.roll_deg = swing_deg(plan_.roll, time_s);
   pose.attitude.pitch_deg = swing_deg(plan_.pitch, time_s);

@@ -31,8 +31,8 @@ struct MotionPlan {
   double altitude_smoothing_m = 2.0;  ///< how far ahead and astern that mean reaches
 
   // What the vehicle can do.
-  double speed_m_s = 0.8;         ///< through the water, on a line
-  double turn_speed_m_s = 0.45;   ///< through the water, in a turn
+  double speed_m_s = 0.8;        ///< through the water, on a line
+  double turn_speed_m_s = 0.45;  ///< through the water, in a turn
   double acceleration_m_s2 = 0.2;
   double turn_rate_deg_s = 25.0;
   double turn_acceleration_deg_s2 = 30.0;

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "host_tools/settings.hpp"
 #include "host_tools/sim/simulator.hpp"
 #include "host_tools/sim/terrain_sources.hpp"
 
@@ -50,11 +51,6 @@ struct PresetInfo {
 /// A preset's parameters. The helens and monterey kinds need a raster (terrain = kRaster, the path is
 /// empty until set). Throws HostError kUsage for an unknown name, with a suggestion.
 [[nodiscard]] Scenario preset_scenario(const std::string& name);
-
-struct SettingInfo {
-  std::string key;   ///< snake_case with its unit, for example "line_spacing_m"
-  std::string help;  ///< one line
-};
 
 /// Every parameter that apply_setting() can change, in a sensible order for a help text.
 [[nodiscard]] const std::vector<SettingInfo>& simulate_settings();
