@@ -31,6 +31,17 @@ constexpr std::size_t cobs_bound_bytes(std::size_t raw_bytes) {
 constexpr std::size_t frame_bound_bytes(std::size_t payload_bytes) {
   return cobs_bound_bytes(payload_bytes + kCrc_bytes) + 2;
 }
+/// Largest payload whose frame is never longer than `mtu_bytes`; 0 when not even an empty one fits.
+constexpr std::size_t max_payload_bytes(std::size_t mtu_bytes) {
+  constexpr std::size_t kEmpty_bytes = frame_bound_bytes(0);
+  if (mtu_bytes <= kEmpty_bytes) {
+    return 0;
+  }
+  // raw + raw / 254 + 1 <= mtu - 2, solved for raw.
+  const std::size_t body = mtu_bytes - 3;
+  const std::size_t payload = body - (body + 1) / 255 - kCrc_bytes;
+  return payload < kMaxPayload_bytes ? payload : kMaxPayload_bytes;
+}
 
 /// Writes one frame (delimiter, COBS of payload and CRC, delimiter) to `out`.
 ///

@@ -1,5 +1,13 @@
 // What frames say. Every message is one frame's payload: type, then fields, little-endian. Bit by bit in
 // proto/SPEC.md; sizes and limits here.
+//
+// Encoders check what they are given and write nothing on an error; decoders check every field against
+// its range and never trust a length. Rules for all of them, after "type" matched:
+//   encode_x(message, out, capacity)   bytes written; kFull: no room; kOutOfRange: a field out of range
+//   decode_x(payload, size)            kInvalidArgument: another type; kTruncated: shorter than its
+//                                      fields; kOutOfRange: a field out of range
+// Bytes behind the last field known here belong to a newer minor and are ignored. No state, reentrant,
+// O(bytes).
 #pragma once
 
 #include <cstddef>
@@ -18,11 +26,11 @@ inline constexpr std::uint8_t kProtocolMinor = 0;
 /// First byte of every payload. 0x01..0x3f downlink, 0x40..0x7f uplink, 0x80..0xff log only.
 enum class MessageType : std::uint8_t {
   kHello = 0x01,
-  kTileDelta = 0x02,
+  kTileDelta = 0x02,  ///< tile_coder.hpp
   kStatus = 0x03,
   kText = 0x04,
   kResendRequest = 0x40,
-  kLogHeader = 0x80,
+  kLogHeader = 0x80,  ///< log.hpp, all of 0x80 on
   kLogConfig = 0x81,
   kLogTable = 0x82,
   kLogChunk = 0x83,
@@ -30,5 +38,183 @@ enum class MessageType : std::uint8_t {
   kLogGap = 0x85,
   kLogEnd = 0x86,
 };
+
+/// Type of a payload; false when it is empty or the type is not one of the above (skip and count it).
+[[nodiscard]] bool message_type(const std::uint8_t* payload, std::size_t size_bytes,
+                                MessageType& type);
+
+// --- Hello: who speaks, and what the numbers of all other messages mean
+
+inline constexpr int kMaxHelloTables = 8;
+
+/// CRC-32C of the schema text in SPEC.md: two ends that share it share every field of every message.
+[[nodiscard]] std::uint32_t schema_hash();
+/// The text itself (ASCII, lines end with \n); never null.
+[[nodiscard]] const char* schema_text();
+
+struct Hello {
+  std::uint8_t protocol_major;  ///< kProtocolMajor
+  std::uint8_t protocol_minor;
+  std::uint8_t tile_side_cells;  ///< kTileSide_cells
+  std::uint8_t table_count;      ///< 0 .. kMaxHelloTables
+  std::uint32_t schema_hash;     ///< schema_hash()
+  std::uint64_t survey_id;
+  std::uint32_t session;       ///< differs whenever the vehicle starts over with an empty map
+  std::uint32_t config_crc;    ///< CRC-32C of the configuration blob
+  std::int32_t cell_mm;        ///< 1 .. 1'000'000
+  std::int32_t size_cells[3];  ///< north, east 1 .. 16000, down 1 .. 2048
+  std::int64_t origin_mm[3];   ///< NED of the grid's numerically lowest corner, +-2^40
+  /// Where NED has its zero. Without has_geodetic_origin the two numbers are 0 and mean nothing.
+  std::uint8_t has_geodetic_origin;  ///< 0, 1
+  std::int64_t latitude_e9deg;       ///< +-90e9
+  std::int64_t longitude_e9deg;      ///< +-180e9
+  std::int32_t epsg;                 ///< of the projection to export to, 0 = none, 0 .. 999999
+  std::uint32_t table_crc[kMaxHelloTables];  ///< localization tables in use; 0 beyond table_count
+};
+
+inline constexpr std::size_t kMaxHello_bytes = 96 + 4 * kMaxHelloTables;
+
+/// Tag that tile deltas and resend requests carry instead of survey and session: both ends compute it.
+[[nodiscard]] std::uint16_t survey_tag(std::uint64_t survey_id, std::uint32_t session);
+
+/// kBadVersion when protocol_major is not ours (checked before anything else of it).
+[[nodiscard]] base::Result<Hello> decode_hello(const std::uint8_t* payload, std::size_t size_bytes);
+[[nodiscard]] base::Result<std::size_t> encode_hello(const Hello& hello, std::uint8_t* out,
+                                                     std::size_t capacity_bytes);
+
+// --- Status: how the vehicle fares. Counters count since its start and wrap at 2^32
+
+enum Alarm : std::uint32_t {
+  kAlarmMappingPaused = 1U << 0U,  ///< pings are not written, by policy (navigation too poor)
+  kAlarmNoPose = 1U << 1U,         ///< no valid pose now
+  kAlarmPortLost = 1U << 2U,       ///< a configured port is closed
+  kAlarmPortSilent = 1U << 3U,     ///< a port is open and says nothing intelligible
+  kAlarmRecorderLost = 1U << 4U,   ///< the recorder lost records, or has no disk
+  kAlarmShed = 1U << 5U,           ///< pings were shed in the last status interval
+  kAlarmQueueFull = 1U << 6U,      ///< the queue of pending pings is full
+  kAlarmLinkBehind = 1U << 7U,     ///< changes wait for longer than the link can carry them
+  kAlarmTimeStepped = 1U << 8U,    ///< time went back, and was clamped
+  kAlarmOutsideGrid = 1U << 9U,    ///< the vehicle is outside the grid
+  kAlarmInputDropped = 1U << 10U,  ///< device bytes were dropped for want of room
+  kAlarmPoseEpoch = 1U << 11U,     ///< navigation jumped: a new epoch since the last status
+};
+
+inline constexpr int kMaxStatusPorts = 8;
+/// What became of pings, in the order of model::PingResult, and two of the pipeline's own.
+inline constexpr int kPingOutcomes = 16;
+enum PingOutcome : std::uint8_t {
+  kPingFused = 0,
+  kPingNoReturn = 1,
+  kPingRangeTooShort = 2,
+  kPingRangeTooLong = 3,
+  kPingPoseInvalid = 4,
+  kPingTooFar = 5,
+  kPingNotDetected = 6,  ///< a profile without a detection
+  kPingNotConfigured = 7,
+  kPingShed = 8,     ///< the queue was full
+  kPingNoPose = 9,   ///< no pose at its time, after waiting
+  kPingBad = 10,     ///< fields out of range
+  kPingPaused = 11,  ///< mapping was paused
+};
+
+struct PortStatus {
+  std::uint8_t state;           ///< 0 closed, 1 open
+  std::uint32_t bytes_in;       ///< low 32 bits
+  std::uint32_t records;        ///< decoded
+  std::uint32_t bad_frames;     ///< dropped by the codec, all reasons
+  std::uint32_t dropped_bytes;  ///< for want of room, both directions
+};
+
+struct Status {
+  base::TimeUs t_us;  ///< of the cycle
+  std::uint32_t cycle;
+  std::uint32_t alarms;  ///< Alarm bits; unknown bits are a newer minor's
+
+  /// The newest pose. Units are the wire's; sigmas saturate.
+  base::TimeUs pose_t_us;
+  std::uint8_t pose_validity;  ///< base::PoseValidity bits
+  std::uint16_t pose_epoch;
+  std::int32_t position_mm[3];  ///< NED
+  std::uint16_t roll_bam16;     ///< 2^16 = one turn
+  std::uint16_t pitch_bam16;
+  std::uint16_t heading_bam16;
+  std::uint16_t sigma_position_cm[3];
+  std::uint16_t sigma_attitude_urad16[3];  ///< units of 16 microradians
+
+  std::uint32_t work_last_voxels;   ///< written in the last cycle
+  std::uint32_t work_max_voxels;    ///< most in any cycle
+  std::uint32_t work_bound_voxels;  ///< of a cycle; 0 = none
+  std::uint32_t cycle_last_us;      ///< time that the last cycle took; 0 where nobody measures
+  std::uint32_t cycle_max_us;
+
+  std::uint32_t
+      pings[kPingOutcomes];     ///< by PingOutcome; their sum is what came in and left the queue
+  std::uint32_t pings_pending;  ///< in the queue now
+  std::uint32_t nav_fused;
+  std::uint32_t nav_rejected;
+
+  std::uint32_t tiles_known;   ///< with at least one known cell
+  std::uint32_t tiles_dirty;   ///< with changes that were not sent yet
+  std::uint32_t cells_sent;    ///< changed cells in tile deltas
+  std::uint32_t link_bytes;    ///< put into the downlink, framing included
+  std::uint32_t queued_bytes;  ///< in the downlink buffer now
+  std::uint32_t uplink_frames;
+  std::uint32_t uplink_bad;     ///< frames dropped, and messages not understood
+  std::uint32_t recorder_lost;  ///< records that the recorder lost
+
+  std::uint8_t port_count;  ///< 0 .. kMaxStatusPorts
+  PortStatus ports[kMaxStatusPorts];
+};
+
+inline constexpr std::size_t kMaxStatus_bytes = 64 + 5 * 40 + 21 * kMaxStatusPorts;
+
+[[nodiscard]] base::Result<std::size_t> encode_status(const Status& status, std::uint8_t* out,
+                                                      std::size_t capacity_bytes);
+[[nodiscard]] base::Result<Status> decode_status(const std::uint8_t* payload,
+                                                 std::size_t size_bytes);
+
+// --- Text: a line for the pilot
+
+inline constexpr std::size_t kMaxText_bytes = 200;
+
+enum class Severity : std::uint8_t { kInfo = 0, kWarning = 1, kError = 2 };
+
+struct Text {
+  base::TimeUs t_us;
+  Severity severity;
+  std::uint8_t size_bytes;    ///< 0 .. kMaxText_bytes
+  char text[kMaxText_bytes];  ///< UTF-8, not terminated, no control characters
+};
+
+/// `text` cut at kMaxText_bytes without splitting a character. Null is "".
+[[nodiscard]] Text make_text(base::TimeUs t_us, Severity severity, const char* text);
+/// kOutOfRange also for bytes that are not UTF-8 and for control characters.
+[[nodiscard]] base::Result<std::size_t> encode_text(const Text& text, std::uint8_t* out,
+                                                    std::size_t capacity_bytes);
+[[nodiscard]] base::Result<Text> decode_text(const std::uint8_t* payload, std::size_t size_bytes);
+
+// --- Resend request (uplink): tiles that the topside wants again. It sets dirty bits, nothing else
+
+inline constexpr int kMaxResendRanges = 64;
+
+/// Tiles first .. first + count - 1.
+struct TileRange {
+  std::uint32_t first;
+  std::uint32_t count;  ///< 1 .. kMaxTiles
+};
+
+struct ResendRequest {
+  std::uint16_t survey_tag;
+  std::uint8_t range_count;            ///< 0 .. kMaxResendRanges
+  TileRange ranges[kMaxResendRanges];  ///< ascending, apart from each other by at least one tile
+};
+
+inline constexpr std::size_t kMaxResendRequest_bytes = 4 + 8 * kMaxResendRanges;
+
+[[nodiscard]] base::Result<std::size_t> encode_resend_request(const ResendRequest& request,
+                                                              std::uint8_t* out,
+                                                              std::size_t capacity_bytes);
+[[nodiscard]] base::Result<ResendRequest> decode_resend_request(const std::uint8_t* payload,
+                                                                std::size_t size_bytes);
 
 }  // namespace leadline::proto

@@ -1,0 +1,71 @@
+// A binary range coder: 32-bit integers, adaptive 15-bit probabilities, a body without length field or
+// padding. Bit by bit in proto/SPEC.md, "Range coder".
+//
+// Encoder and decoder do the same arithmetic on the same models; one symbol is O(1). Nothing is read or
+// written outside the spans given.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace leadline::proto {
+
+/// Probability that the next bit of this kind is 1: the mean of two estimates that follow what was
+/// coded at two speeds. Q15, each within [kLeastProbability_q15, 32768 - kLeastProbability_q15].
+struct BitModel {
+  std::uint16_t fast_q15;
+  std::uint16_t slow_q15;
+};
+inline constexpr std::uint32_t kLeastProbability_q15 = 64;
+
+class RangeEncoder {
+ public:
+  /// Starts a body at `out`; beyond `capacity_bytes` nothing is written and overflowed() turns true.
+  void start(std::uint8_t* out, std::size_t capacity_bytes);
+  void put(BitModel& model, bool bit);
+  /// `count` equally likely bits, 0 .. 16, most significant first.
+  void put_raw(std::uint32_t value, unsigned count);
+
+  [[nodiscard]] bool overflowed() const { return overflowed_; }
+  /// Bytes that are settled, but for a carry.
+  [[nodiscard]] std::size_t size_bytes() const { return size_; }
+  /// Writes the shortest tail that decodes to what was put, without trailing zero bytes; the size of the
+  /// body. The coder is done then.
+  [[nodiscard]] std::size_t finish();
+
+ private:
+  void normalize();
+  void emit(std::uint8_t byte);
+  void carry();
+
+  std::uint8_t* out_ = nullptr;
+  std::size_t capacity_ = 0;
+  std::size_t size_ = 0;
+  std::uint32_t low_ = 0;
+  std::uint32_t range_ = 0;
+  bool overflowed_ = false;
+};
+
+class RangeDecoder {
+ public:
+  void start(const std::uint8_t* body, std::size_t size_bytes);
+  [[nodiscard]] bool get(BitModel& model);
+  [[nodiscard]] std::uint32_t get_raw(unsigned count);
+
+  /// After the last symbol: whether the body is, byte for byte, the one that an encoder of these
+  /// symbols would have written. False for any that is cut, longer or changed in its tail.
+  [[nodiscard]] bool finished_exactly() const;
+
+ private:
+  void normalize();
+  [[nodiscard]] std::uint32_t next_byte();
+
+  const std::uint8_t* body_ = nullptr;
+  std::size_t size_ = 0;
+  std::size_t at_ = 0;  ///< bytes taken, zeros behind the end included
+  std::uint32_t low_ = 0;
+  std::uint32_t range_ = 0;
+  std::uint32_t code_ = 0;  ///< value of the body less low_
+};
+
+}  // namespace leadline::proto
