@@ -26,8 +26,9 @@ struct PortConfig {
   Driver driver;
   std::uint8_t mount;  ///< sonar heads: index into mounts
   std::uint16_t reserved;
-  std::int32_t latency_us;  ///< from the measured instant to the arrival of the last byte, excess over
-                            ///< what the codec itself accounts for
+  std::int32_t
+      latency_us;  ///< from the measured instant to the arrival of the last byte, excess over
+                   ///< what the codec itself accounts for
   /// Sonar heads: what to ask of the device.
   std::int64_t min_range_um;
   std::int64_t max_range_um;
@@ -35,7 +36,8 @@ struct PortConfig {
   std::int32_t scan_first_grad;   ///< Ping360: first and last angle, 400 gradians a turn
   std::int32_t scan_last_grad;
   std::int32_t scan_step_grad;
-  std::int32_t profile;  ///< 1: ask for intensities and detect on the vehicle; 0: the head's own range
+  std::int32_t
+      profile;  ///< 1: ask for intensities and detect on the vehicle; 0: the head's own range
 };
 
 /// Where a head sits and how it looks: body frame FRD from the reference point.
@@ -59,10 +61,10 @@ struct NavigationConfig {
   std::int32_t sigma_depth_mm;
   std::int32_t sigma_attitude_urad;
   std::int32_t sigma_heading_urad;
-  std::int32_t acceleration_mm_s2;           ///< process noise, horizontal and vertical
+  std::int32_t acceleration_mm_s2;            ///< process noise, horizontal and vertical
   std::int32_t angular_acceleration_urad_s2;  ///< process noise, attitude
-  std::int32_t max_gap_us;   ///< poses farther apart are not interpolated
-  std::int32_t max_wait_us;  ///< a ping waits this long for a pose behind it
+  std::int32_t max_gap_us;                    ///< poses farther apart are not interpolated
+  std::int32_t max_wait_us;                   ///< a ping waits this long for a pose behind it
 };
 
 struct LinkConfig {
