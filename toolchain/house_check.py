@@ -10,7 +10,9 @@ Arrows (folder: what it may include with #include "..."):
   estimator proto       themselves, model/base
   hal                   hal, model/base
   firmware              firmware, model, estimator, proto, hal
-  host_tools            host_tools, proto, model, estimator, firmware/pipeline,
+  firmware/pipeline     itself, model, estimator, proto, hal/{heads,attitude}, hal/ports.hpp, wire.hpp
+  firmware/config       itself, firmware/pipeline, model, proto, hal
+  host_tools            host_tools, proto, model, estimator, firmware/{pipeline,config},
                         hal/{heads,attitude,linux,emu}
   tests                 anything
   toolchain             nothing of ours
@@ -38,8 +40,13 @@ ARROWS = {
     "proto": ["proto", "model/base"],
     "hal": ["hal", "model/base"],
     "firmware": ["firmware", "model", "estimator", "proto", "hal"],
+    "firmware/pipeline": [
+        "firmware/pipeline", "model", "estimator", "proto", "hal/heads", "hal/attitude",
+        "hal/ports.hpp", "hal/wire.hpp",
+    ],
+    "firmware/config": ["firmware/config", "firmware/pipeline", "model", "proto", "hal"],
     "host_tools": [
-        "host_tools", "proto", "model", "estimator", "firmware/pipeline",
+        "host_tools", "proto", "model", "estimator", "firmware/pipeline", "firmware/config",
         "hal/heads", "hal/attitude", "hal/linux", "hal/emu",
     ],
     "tests": None,

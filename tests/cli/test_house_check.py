@@ -26,8 +26,11 @@ CLEAN = {
     "hal/m7/m7.hpp": "",
     "firmware/pipeline/p.cpp": '#include "model/m.hpp"\n#include "hal/heads/h.hpp"\n',
     "firmware/linux/main.cpp": '#include <iostream>\n#include "firmware/pipeline/p.hpp"\n',
+    "firmware/config/c.cpp": '#include <string>\n#include "firmware/pipeline/p.hpp"\n'
+                             '#include "hal/linux/l.hpp"\n',
     "host_tools/t.cpp": '#include <vector>\n#include "model/m.hpp"\n#include "hal/emu/emu.hpp"\n'
-                        '#include "firmware/pipeline/p.hpp"\n#include <nlohmann/json.hpp>\n',
+                        '#include "firmware/pipeline/p.hpp"\n#include "firmware/config/c.hpp"\n'
+                        '#include <nlohmann/json.hpp>\n',
     "tests/unit/t.cpp": '#include "host_tools/t.hpp"\n#include "hal/m7/m7.hpp"\n',
 }
 
@@ -45,6 +48,10 @@ SINS = [
     ("include-arrow", "hal/ports.hpp", '#include "proto/p.hpp"'),
     ("include-arrow", "hal/linux/l.cpp", '#include "firmware/pipeline/p.hpp"'),
     ("include-arrow", "firmware/pipeline/p.cpp", '#include "host_tools/t.hpp"'),
+    ("include-arrow", "firmware/pipeline/p.cpp", '#include "firmware/config/c.hpp"'),
+    ("include-arrow", "firmware/pipeline/p.cpp", '#include "hal/linux/l.hpp"'),
+    ("include-arrow", "firmware/config/c.cpp", '#include "firmware/linux/main.hpp"'),
+    ("include-arrow", "firmware/config/c.cpp", '#include "host_tools/t.hpp"'),
     ("include-arrow", "host_tools/t.cpp", '#include "hal/m7/m7.hpp"'),
     ("include-arrow", "host_tools/t.cpp", '#include "hal/ports.hpp"'),
     ("include-arrow", "host_tools/t.cpp", '#include "firmware/linux/main.hpp"'),

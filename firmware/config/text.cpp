@@ -1,4 +1,4 @@
-#include "host_tools/text.hpp"
+#include "firmware/config/text.hpp"
 
 #include <algorithm>
 #include <array>

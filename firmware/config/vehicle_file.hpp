@@ -1,0 +1,64 @@
+// vehicle.toml: what a vehicle is configured with, as the integers that it runs on, plus what only the
+// program around it needs (where the ports are, which files to read and write).
+//
+// The tables [grid] [sonar] [model] [frame] and the sigmas of [navigation] mean what they mean in
+// map.toml (survey_sections.hpp); only the beam does not stand here: it comes with the mount's table,
+// made by `leadline table`. firmware/vehicle.example.toml shows every key with its unit, default and
+// limits, and `leadline-vehicle --help-config` prints it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "firmware/config/survey_sections.hpp"
+#include "firmware/pipeline/config.hpp"
+#include "hal/linux/uri.hpp"
+#include "model/localization_table.hpp"
+
+namespace leadline::host {
+
+inline constexpr std::int64_t kVehicleSchemaVersion = 1;
+
+/// [log]
+struct LogConfig {
+  std::string path;  ///< required by nothing: "" = no log. Relative: to the TOML file
+  /// Mapping goes on, recording stops there; 1,000,000 .. 10^15, default 0 = until the disk is full.
+  std::int64_t max_bytes = 0;
+};
+
+/// A vehicle.toml after checking.
+struct VehicleFile {
+  firmware::VehicleConfig config{};
+  std::string survey_name;  ///< [survey] name; at most 64 bytes, default ""
+  std::vector<hal::UriSpec> port_uris;   ///< parallel to config.ports
+  hal::UriSpec link_uri;
+  std::vector<std::string> mount_names;  ///< parallel to config.mounts
+  std::vector<std::string> table_paths;  ///< parallel to table numbers; resolved
+  LogConfig log;
+  std::int32_t cycle_us = 20'000;   ///< [cycle] period_ms; 1 .. 1000, default 20
+  FrameConfig frame;                ///< for the topside; part of it is in config as well
+  GridConfig grid;                  ///< as written
+  SonarRanges ranges;
+  NavigationSigmas sigmas;
+  ModelConfig model;
+};
+
+/// Reads and checks `path`. Throws HostError kUsage with every finding, a line each:
+/// `FILE:LINE: [table] key = value: reason`.
+[[nodiscard]] VehicleFile load_vehicle_file(const std::string& path);
+/// The same over text; `base_dir` is where relative paths start ("" leaves them).
+[[nodiscard]] VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
+                                             const std::string& base_dir);
+
+/// Every value after defaults, as TOML that parse_vehicle_file(..., "") reads back to the same.
+[[nodiscard]] std::string vehicle_file_to_toml(const VehicleFile& file);
+[[nodiscard]] std::string vehicle_file_to_json(const VehicleFile& file);
+
+/// The blocks of table_paths. Throws HostError kInput: what is wrong with one and what to do.
+[[nodiscard]] std::vector<model::LocalizationTable> load_tables(const VehicleFile& file);
+
+[[nodiscard]] const char* driver_name(firmware::Driver driver);
+
+}  // namespace leadline::host
