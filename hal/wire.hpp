@@ -1,0 +1,92 @@
+// Integers from and to the bytes of a wire, whatever the byte order and alignment of the machine.
+//
+// Readers take a pointer to at least as many bytes as the name says; the caller has checked that they
+// are there. Everything is constexpr, O(1), without unaligned access. Vehicle code.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+namespace leadline::hal {
+
+[[nodiscard]] constexpr std::uint16_t read_u16_le(const std::uint8_t* bytes) {
+  return static_cast<std::uint16_t>(bytes[0] | (static_cast<unsigned>(bytes[1]) << 8U));
+}
+[[nodiscard]] constexpr std::uint32_t read_u32_le(const std::uint8_t* bytes) {
+  return read_u16_le(bytes) | (static_cast<std::uint32_t>(read_u16_le(bytes + 2)) << 16U);
+}
+[[nodiscard]] constexpr std::uint64_t read_u64_le(const std::uint8_t* bytes) {
+  return read_u32_le(bytes) | (static_cast<std::uint64_t>(read_u32_le(bytes + 4)) << 32U);
+}
+[[nodiscard]] constexpr std::uint16_t read_u16_be(const std::uint8_t* bytes) {
+  return static_cast<std::uint16_t>((static_cast<unsigned>(bytes[0]) << 8U) | bytes[1]);
+}
+[[nodiscard]] constexpr std::uint32_t read_u32_be(const std::uint8_t* bytes) {
+  return (static_cast<std::uint32_t>(read_u16_be(bytes)) << 16U) | read_u16_be(bytes + 2);
+}
+[[nodiscard]] constexpr std::uint64_t read_u64_be(const std::uint8_t* bytes) {
+  return (static_cast<std::uint64_t>(read_u32_be(bytes)) << 32U) | read_u32_be(bytes + 4);
+}
+
+/// The same bits as a signed number (two's complement).
+[[nodiscard]] constexpr std::int16_t as_i16(std::uint16_t bits) {
+  return static_cast<std::int16_t>(bits < 0x8000U ? bits : static_cast<int>(bits) - 0x10000);
+}
+[[nodiscard]] constexpr std::int32_t as_i32(std::uint32_t bits) {
+  return static_cast<std::int32_t>(bits < 0x80000000U
+                                       ? static_cast<std::int64_t>(bits)
+                                       : static_cast<std::int64_t>(bits) - 0x100000000);
+}
+
+constexpr void write_u16_le(std::uint8_t* bytes, std::uint16_t value) {
+  bytes[0] = static_cast<std::uint8_t>(value);
+  bytes[1] = static_cast<std::uint8_t>(value >> 8U);
+}
+constexpr void write_u32_le(std::uint8_t* bytes, std::uint32_t value) {
+  write_u16_le(bytes, static_cast<std::uint16_t>(value));
+  write_u16_le(bytes + 2, static_cast<std::uint16_t>(value >> 16U));
+}
+constexpr void write_u16_be(std::uint8_t* bytes, std::uint16_t value) {
+  bytes[0] = static_cast<std::uint8_t>(value >> 8U);
+  bytes[1] = static_cast<std::uint8_t>(value);
+}
+constexpr void write_u32_be(std::uint8_t* bytes, std::uint32_t value) {
+  write_u16_be(bytes, static_cast<std::uint16_t>(value >> 16U));
+  write_u16_be(bytes + 2, static_cast<std::uint16_t>(value));
+}
+
+/// Largest scale of f32_bits_to_integer(): a mantissa of 24 bits times it fits 63. Inclusive.
+inline constexpr std::int64_t kMaxFloatScale = std::int64_t{1} << 38U;
+
+/// The IEEE 754 single with these bits, times `scale` (1 .. kMaxFloatScale), rounded to the nearest
+/// integer (halves away from zero), without floating point. False, and `out` left alone, for NaN,
+/// infinity and whatever does not fit 63 bits. O(1).
+[[nodiscard]] constexpr bool f32_bits_to_integer(std::uint32_t bits, std::int64_t scale,
+                                                 std::int64_t& out) {
+  const std::uint32_t biased = (bits >> 23U) & 0xFFU;
+  if (biased == 0xFFU || scale < 1 || scale > kMaxFloatScale) {
+    return false;
+  }
+  // value = mantissa * 2^exponent
+  const std::uint32_t fraction = bits & 0x7FFFFFU;
+  const std::uint64_t mantissa = biased == 0 ? fraction : fraction | 0x800000U;
+  const int exponent = (biased == 0 ? 1 : static_cast<int>(biased)) - 150;
+  std::uint64_t magnitude = mantissa * static_cast<std::uint64_t>(scale);
+  if (exponent >= 0) {
+    const auto limit = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
+    if (magnitude != 0 && (exponent > 62 || magnitude > (limit >> exponent))) {
+      return false;
+    }
+    magnitude = exponent > 62 ? 0 : magnitude << exponent;
+  } else if (exponent < -63) {
+    magnitude = 0;  // magnitude < 2^62: below a half
+  } else {
+    const int shift = -exponent;
+    magnitude = (magnitude + (std::uint64_t{1} << (shift - 1))) >> shift;
+  }
+  const auto value = static_cast<std::int64_t>(magnitude);
+  out = (bits & 0x80000000U) != 0 ? -value : value;
+  return true;
+}
+
+}  // namespace leadline::hal
