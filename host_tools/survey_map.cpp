@@ -19,70 +19,6 @@ namespace {
 model::Model the_model;
 bool model_taken = false;
 
-[[noreturn]] void refuse(const std::string& name, const std::string& what) {
-  throw HostError(ExitCode::kUsage, name + ": " + what);
-}
-
-std::string triple(const std::int32_t (&values)[3]) {
-  return "[" + std::to_string(values[0]) + ", " + std::to_string(values[1]) + ", " +
-         std::to_string(values[2]) + "]";
-}
-
-/// What this build of the model cannot hold, said with the numbers.
-void check_capacity(const MapConfig& config, const std::string& name) {
-  const GridConfig& grid = config.grid;
-  const std::string size = "[grid] size = " + triple(grid.size) + ": ";
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::int32_t limit = axis == base::kDown ? model::kMaxDepthCells : model::kMaxSideCells;
-    if (grid.size[axis] > limit) {
-      refuse(name, size + std::to_string(grid.voxel_count()) +
-                       " voxels, and over the capacity of " + std::to_string(limit) +
-                       " cells on axis " + std::to_string(axis));
-    }
-  }
-  // Columns are stored in square tiles; the last ones are padded.
-  constexpr std::uint64_t kTile = model::kTileCells;
-  const std::uint64_t columns =
-      (static_cast<std::uint64_t>(grid.size[0]) + kTile - 1) / kTile * kTile *
-      ((static_cast<std::uint64_t>(grid.size[1]) + kTile - 1) / kTile * kTile);
-  const std::uint64_t voxels = columns * static_cast<std::uint64_t>(grid.size[2]);
-  if (voxels > model::kVoxelCapacity || columns > model::kColumnCapacity) {
-    refuse(name, size + std::to_string(grid.voxel_count()) + " voxels (" + std::to_string(voxels) +
-                     " in " + std::to_string(columns) +
-                     " columns of whole tiles), over the capacity of " +
-                     std::to_string(model::kVoxelCapacity) + " voxels in " +
-                     std::to_string(model::kColumnCapacity) +
-                     " columns; take larger cells or a smaller grid");
-  }
-  const std::int64_t longest_mm = static_cast<std::int64_t>(model::kMaxRangeCells) * grid.cell_mm;
-  if (config.sonar.max_range_mm > longest_mm) {
-    refuse(name, "[sonar] max_range_mm = " + std::to_string(config.sonar.max_range_mm) +
-                     ": has to be at most " + std::to_string(model::kMaxRangeCells) +
-                     " cells = " + std::to_string(longest_mm) + " mm");
-  }
-}
-
-model::ModelConfig model_config(const MapConfig& config, std::uint32_t work_budget_voxels) {
-  model::ModelConfig result{};
-  result.schema_version = model::kConfigSchemaVersion;
-  result.rule =
-      config.model.rule == Rule::kWeightedMean ? model::Rule::kWeightedMean : model::Rule::kLogOdds;
-  result.no_return = config.sonar.no_return == NoReturn::kEmpty ? model::NoReturnPolicy::kEmpty
-                                                                : model::NoReturnPolicy::kIgnore;
-  result.cell_mm = config.grid.cell_mm;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    result.size[axis] = config.grid.size[axis];
-    result.origin_mm[axis] = config.grid.origin_mm[axis];
-    result.sigma_position_mm[axis] = std::llround(config.navigation.sigma_position_mm[axis]);
-    result.sigma_correlated_mm[axis] = std::llround(config.navigation.sigma_correlated_mm[axis]);
-  }
-  result.min_range_um = config.sonar.min_range_mm * 1000;
-  result.max_range_um = config.sonar.max_range_mm * 1000;
-  result.detect_range_um = config.sonar.detect_range_mm.value_or(0) * 1000;
-  result.work_budget_voxels = work_budget_voxels;
-  return result;
-}
-
 /// Bits that one voxel still leaves open: 1 for an unknown one.
 double entropy_of(double signal) {
   const double rest = 1.0 - signal;
@@ -106,21 +42,18 @@ SurveyMap::SurveyMap(const MapConfig& config, const std::string& config_name,
     throw std::logic_error("one SurveyMap at a time: the model is a static object");
   }
   impl_->config = config;
-  check_capacity(config, config_name);
+  model::ModelConfig model_config = to_model_config(config.grid, config.sonar, config.navigation,
+                                                    config.model, config_name);
+  model_config.work_budget_voxels = work_budget_voxels;
   const GeneratedTable generated = generate_table(beam_description(config.sonar));
-  const base::Status status = the_model.configure(model_config(config, work_budget_voxels),
-                                                  &generated.table, sizeof generated.table);
+  const base::Status status =
+      the_model.configure(model_config, &generated.table, sizeof generated.table);
   if (status == base::Status::kOverBudget) {
-    const model::WorkBound& bound = the_model.bound();
-    refuse(config_name, "one ping can touch up to " + std::to_string(bound.total_voxels) +
-                            " voxels (shell " + std::to_string(bound.shell_voxels) + ", cone " +
-                            std::to_string(bound.cone_voxels) + "), the budget is " +
-                            std::to_string(work_budget_voxels) +
-                            "; take larger cells, a shorter max_range_mm or a narrower beam");
+    refuse_work_bound(the_model.bound(), work_budget_voxels, config_name);
   }
   if (status != base::Status::kOk) {
-    refuse(config_name,
-           std::string("the model refuses this configuration: ") + base::status_text(status));
+    throw HostError(ExitCode::kUsage, config_name + ": the model refuses this configuration: " +
+                                          base::status_text(status));
   }
   model_taken = true;
 }

@@ -1,12 +1,9 @@
 #include "host_tools/table/table_io.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstdint>
 #include <cstdio>
-#include <cstring>
-#include <fstream>
 #include <vector>
 
 #include "host_tools/exit_codes.hpp"
@@ -128,57 +125,6 @@ std::string table_to_json(const LocalizationTable& table) {
 
 void save_table(const std::string& path, const LocalizationTable& table) {
   write_file_whole(path, std::string_view(reinterpret_cast<const char*>(&table), sizeof(table)));
-}
-
-LocalizationTable load_table(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string bytes;
-  if (file) {
-    // One byte more than a table has tells a file that is too long, whatever its size claims to be.
-    bytes.resize(sizeof(LocalizationTable) + 1);
-    file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    bytes.resize(static_cast<std::size_t>(file.gcount()));
-  }
-  if (bytes.empty() && !file.eof()) {
-    throw HostError(ExitCode::kInput, path + ": cannot read the localization table");
-  }
-  return parse_table(bytes, path);
-}
-
-LocalizationTable parse_table(std::string_view bytes, const std::string& name) {
-  // Into a table of its own first: the bytes may lie anywhere.
-  LocalizationTable table{};
-  const std::size_t taken = std::min(bytes.size(), sizeof(table));
-  std::memcpy(&table, bytes.data(), taken);
-  const std::string expected = std::to_string(sizeof(table));
-  const base::Status status = bytes.size() > sizeof(table) && table.version == model::kTableVersion
-                                  ? base::Status::kInvalidArgument
-                                  : model::check_table(&table, taken);
-  std::string reason;
-  switch (status) {
-    case base::Status::kOk:
-      return table;
-    case base::Status::kTruncated:
-      reason = "truncated: " + std::to_string(bytes.size()) + " of " + expected + " bytes";
-      break;
-    case base::Status::kInvalidArgument:
-      reason = "longer than the " + expected + " bytes of a table";
-      break;
-    case base::Status::kBadVersion:
-      reason = "table version " + std::to_string(table.version) + ", this program reads version " +
-               std::to_string(model::kTableVersion) + "; make it anew with `leadline table`";
-      break;
-    case base::Status::kBadChecksum:
-      reason = print("damaged: the checksum says 0x%08x, the bytes 0x%08x", table.crc32c,
-                     model::table_crc(table));
-      break;
-    default:
-      reason = table.magic == model::kTableMagic
-                   ? "a value in it is outside its range; make it anew with `leadline table`"
-                   : "not a localization table (it does not begin with LLT1)";
-      break;
-  }
-  throw HostError(ExitCode::kInput, name + ": " + reason);
 }
 
 }  // namespace leadline::host

@@ -1,9 +1,10 @@
-// Localization tables as files (`.llt`: the block's bytes and nothing else) and as text.
+// Localization tables as files and as text. Reading is the vehicle's as well: table_file.hpp.
 #pragma once
 
 #include <string>
 #include <string_view>
 
+#include "firmware/config/table_file.hpp"  // IWYU pragma: export
 #include "model/localization_table.hpp"
 
 namespace leadline::host {
@@ -17,9 +18,5 @@ namespace leadline::host {
 
 /// Writes the block, whole or not at all. Throws HostError kOutput.
 void save_table(const std::string& path, const model::LocalizationTable& table);
-/// Reads and checks a block. Throws HostError kInput: what is wrong with it and what to do.
-[[nodiscard]] model::LocalizationTable load_table(const std::string& path);
-/// The same over bytes; `name` stands for the file in messages.
-[[nodiscard]] model::LocalizationTable parse_table(std::string_view bytes, const std::string& name);
 
 }  // namespace leadline::host
