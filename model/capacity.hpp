@@ -16,9 +16,10 @@ namespace leadline::model {
 inline constexpr std::uint32_t kVoxelCapacity = LEADLINE_VOXEL_CAPACITY;
 inline constexpr std::uint32_t kColumnCapacity = LEADLINE_COLUMN_CAPACITY;
 
-/// Tiles are the unit of paging, hashing and (later) of the link: kTileCells x kTileCells columns.
+/// Tiles are the unit of paging, hashing, extraction and of the link: kTileCells x kTileCells columns,
+/// whole tiles also at the grid's edge, so that columns bound tiles.
 inline constexpr std::int32_t kTileCells = 16;
-inline constexpr std::uint32_t kTileCapacity = kColumnCapacity / (kTileCells * kTileCells) + 4096;
+inline constexpr std::uint32_t kTileCapacity = kColumnCapacity / (kTileCells * kTileCells);
 
 /// Tallest column in cells. Bounds every per-column loop.
 inline constexpr std::int32_t kMaxDepthCells = 1024;

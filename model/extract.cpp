@@ -93,19 +93,85 @@ std::int32_t evidence_end(const Voxel* voxels, std::int32_t depth_cells) {
 
 }  // namespace
 
-void Model::extract_raw(DepthMethod method) {
-  const std::int32_t depth_cells = scale_.size[2];
-  for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {
-    ColumnRecord& record = grid_.column(column);
-    const ColumnDepth found =
-        column_depth(grid_.column_voxels(column), depth_cells, method, config_.rule);
-    results_[column].raw_q8 = found.depth_q8;
-    results_[column].mass = found.mass;
-    record.flags =
-        static_cast<std::uint8_t>(found.multi_surface ? record.flags | kColumnMultiSurface
-                                                      : record.flags & ~kColumnMultiSurface);
-    record.flags = static_cast<std::uint8_t>(record.flags & ~kColumnDirty);
+// Rectangle of tiles, all bounds inclusive.
+struct Model::TileSpan {
+  std::int32_t north0, north1, east0, east1;
+};
+
+Model::TileSpan Model::tiles_around(TileId tile, std::int32_t reach) const {
+  const std::int32_t n = static_cast<std::int32_t>(tile) / grid_.tiles_east();
+  const std::int32_t e = static_cast<std::int32_t>(tile) % grid_.tiles_east();
+  return TileSpan{max_of(n - reach, 0), min_of(n + reach, grid_.tiles_north() - 1),
+                  max_of(e - reach, 0), min_of(e + reach, grid_.tiles_east() - 1)};
+}
+
+// Depth of a column's own voxels. Returns whether what its neighbours or its own smoothing see of it may
+// have changed: a column without a vote is smoothed by where its evidence ends.
+bool Model::read_column(std::uint32_t column, DepthMethod method) {
+  ColumnRecord& record = grid_.column(column);
+  ColumnResult& result = results_[column];
+  const ColumnDepth found =
+      column_depth(grid_.column_voxels(column), scale_.size[2], method, config_.rule);
+  const bool changed = found.depth_q8 != result.raw_q8 || found.mass != result.mass ||
+                       found.depth_q8 == kUnknownDepth;
+  result.raw_q8 = found.depth_q8;
+  result.mass = found.mass;
+  record.flags =
+      static_cast<std::uint8_t>(found.multi_surface ? record.flags | kColumnMultiSurface
+                                                    : record.flags & ~kColumnMultiSurface);
+  record.flags = static_cast<std::uint8_t>(record.flags & ~kColumnDirty);
+  return changed;
+}
+
+// Columns within kReach of those in `rows` (of `tile`) are to be smoothed again.
+void Model::mark_unsmoothed(TileId tile, const std::uint16_t rows[kTileCells]) {
+  // Rows -kReach .. kTileCells + kReach - 1 of the surroundings; bit 16 is the tile's own column 0.
+  constexpr std::int32_t kRows = kTileCells + 2 * kReach;
+  std::uint64_t spread[kRows] = {};
+  for (std::int32_t row = 0; row < kTileCells; ++row) {
+    const std::uint64_t own = static_cast<std::uint64_t>(rows[row]) << 16U;
+    std::uint64_t wide = own;
+    for (std::uint32_t step = 1; step <= static_cast<std::uint32_t>(kReach); ++step) {
+      wide |= (own << step) | (own >> step);
+    }
+    for (std::int32_t i = 0; i <= 2 * kReach; ++i) {
+      spread[row + i] |= wide;
+    }
   }
+  const TileSpan span = tiles_around(tile, 1);
+  const std::int32_t north = static_cast<std::int32_t>(tile) / grid_.tiles_east();
+  const std::int32_t east = static_cast<std::int32_t>(tile) % grid_.tiles_east();
+  for (std::int32_t n = span.north0; n <= span.north1; ++n) {
+    for (std::int32_t e = span.east0; e <= span.east1; ++e) {
+      TileRecord& record = grid_.tile(static_cast<TileId>(n * grid_.tiles_east() + e));
+      const auto shift = static_cast<std::uint32_t>(16 * (e - east + 1));
+      std::uint32_t any = 0;
+      for (std::int32_t row = 0; row < kTileCells; ++row) {
+        const std::int32_t from = row + kTileCells * (n - north) + kReach;
+        const std::uint64_t bits = from >= 0 && from < kRows ? spread[from] >> shift : 0;
+        record.unsmoothed[row] = static_cast<std::uint16_t>(record.unsmoothed[row] | bits);
+        any |= record.unsmoothed[row];
+      }
+      if (any != 0) {
+        record.flags |= kTileUnsmoothed;
+      }
+    }
+  }
+}
+
+// Reads the columns of a tile that was touched since.
+void Model::read_tile(TileId tile) {
+  TileRecord& record = grid_.tile(tile);
+  record.generation_read = record.generation;
+  // Sigma follows the columns' own records as well.
+  record.flags |= kTileUnassessed;
+  std::uint16_t changed[kTileCells] = {};
+  for (std::uint32_t i = 0; i < kTileCells * kTileCells; ++i) {
+    if (read_column((record.page << 8U) + i, DepthMethod::kRobustMoment)) {
+      changed[i >> 4U] = static_cast<std::uint16_t>(changed[i >> 4U] | (1U << (i & 15U)));
+    }
+  }
+  mark_unsmoothed(tile, changed);
 }
 
 void Model::smooth_column(std::int32_t n, std::int32_t e) {
@@ -178,8 +244,7 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
     const std::int64_t noise_q16 = noise / sums.s;
     if (pass == 1) {
       own.depth_q8 = clamp(reference_q8 + plane.centre_q8, 0, 256 * scale_.size[2]);
-      // Variance of the smoothed depth, kept in sigma_q12 as Q16 variance until assess_column().
-      own.sigma_q12 = static_cast<std::uint32_t>(clamp<std::int64_t>(
+      own.noise_q16 = static_cast<std::uint32_t>(clamp<std::int64_t>(
           (1LL << 40) / max_of<std::int64_t>(sums.s << shift, 1), 1, 1LL << 30));
       return;
     }
@@ -223,7 +288,7 @@ void Model::assess_column(std::int32_t n, std::int32_t e) {
     own.sigma_q12 = 0;
     return;
   }
-  const std::int64_t noise_q16 = own.sigma_q12;
+  const std::int64_t noise_q16 = own.noise_q16;
   const ColumnRecord& record = grid_.column(grid_.column_index(n, e));
 
   // Blur: relief that a plane leaves over three by three columns at the distance of the events' blur.
@@ -309,20 +374,106 @@ void Model::assess_column(std::int32_t n, std::int32_t e) {
   own.sigma_q12 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16) << 8U);
 }
 
+// Smooths what is out of date in a tile; returns how many columns that was.
+std::uint32_t Model::smooth_tile(TileId tile) {
+  TileRecord& record = grid_.tile(tile);
+  record.flags = static_cast<std::uint8_t>((record.flags & ~kTileUnsmoothed) | kTileUnassessed);
+  const std::int32_t n0 = static_cast<std::int32_t>(tile) / grid_.tiles_east() * kTileCells;
+  const std::int32_t e0 = static_cast<std::int32_t>(tile) % grid_.tiles_east() * kTileCells;
+  std::uint32_t smoothed = 0;
+  bool moved = false;
+  for (std::int32_t row = 0; row < kTileCells && n0 + row < scale_.size[0]; ++row) {
+    const std::uint32_t bits = record.unsmoothed[row];
+    record.unsmoothed[row] = 0;
+    for (std::int32_t i = 0; i < kTileCells && e0 + i < scale_.size[1]; ++i) {
+      if (((bits >> static_cast<std::uint32_t>(i)) & 1U) == 0) {
+        continue;
+      }
+      const ColumnResult& own = results_[grid_.column_index(n0 + row, e0 + i)];
+      const std::int32_t before_q8 = own.depth_q8;
+      smooth_column(n0 + row, e0 + i);
+      moved = moved || own.depth_q8 != before_q8;
+      ++smoothed;
+    }
+  }
+  if (moved) {
+    const TileSpan span = tiles_around(tile, kInfluenceTiles);
+    for (std::int32_t n = span.north0; n <= span.north1; ++n) {
+      for (std::int32_t e = span.east0; e <= span.east1; ++e) {
+        grid_.tile(static_cast<TileId>(n * grid_.tiles_east() + e)).flags |= kTileUnassessed;
+      }
+    }
+  }
+  return smoothed;
+}
+
+std::uint32_t Model::assess_tile(TileId tile) {
+  TileRecord& record = grid_.tile(tile);
+  record.flags = static_cast<std::uint8_t>(record.flags & ~kTileUnassessed);
+  const std::int32_t n0 = static_cast<std::int32_t>(tile) / grid_.tiles_east() * kTileCells;
+  const std::int32_t e0 = static_cast<std::int32_t>(tile) % grid_.tiles_east() * kTileCells;
+  const std::int32_t n1 = min_of(n0 + kTileCells, scale_.size[0]);
+  const std::int32_t e1 = min_of(e0 + kTileCells, scale_.size[1]);
+  for (std::int32_t n = n0; n < n1; ++n) {
+    for (std::int32_t e = e0; e < e1; ++e) {
+      assess_column(n, e);
+    }
+  }
+  return static_cast<std::uint32_t>((n1 - n0) * (e1 - e0));
+}
+
+TileWork Model::extract_tile(TileId tile) {
+  TileWork work{};
+  if (!configured_ || tile >= grid_.tile_count()) {
+    return work;
+  }
+  if (method_ != DepthMethod::kRobustMoment) {
+    extract();
+  }
+  const TileSpan read = tiles_around(tile, kInfluenceTiles + 1);
+  for (std::int32_t n = read.north0; n <= read.north1; ++n) {
+    for (std::int32_t e = read.east0; e <= read.east1; ++e) {
+      const auto id = static_cast<TileId>(n * grid_.tiles_east() + e);
+      if (grid_.tile(id).generation_read != grid_.tile(id).generation) {
+        read_tile(id);
+        work.columns_read += kTileCells * kTileCells;
+      }
+    }
+  }
+  const TileSpan smooth = tiles_around(tile, kInfluenceTiles);
+  for (std::int32_t n = smooth.north0; n <= smooth.north1; ++n) {
+    for (std::int32_t e = smooth.east0; e <= smooth.east1; ++e) {
+      const auto id = static_cast<TileId>(n * grid_.tiles_east() + e);
+      if ((grid_.tile(id).flags & kTileUnsmoothed) != 0) {
+        work.columns_smoothed += smooth_tile(id);
+      }
+    }
+  }
+  if ((grid_.tile(tile).flags & kTileUnassessed) != 0) {
+    work.columns_assessed += assess_tile(tile);
+  }
+  return work;
+}
+
 void Model::extract(DepthMethod method) {
   if (!configured_) {
     return;
   }
-  extract_raw(method);
-  for (std::int32_t n = 0; n < scale_.size[0]; ++n) {
-    for (std::int32_t e = 0; e < scale_.size[1]; ++e) {
-      smooth_column(n, e);
-    }
+  // Everything anew, whatever was noted: voxels may have been written from outside.
+  method_ = method;
+  for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {
+    static_cast<void>(read_column(column, method));
   }
-  for (std::int32_t n = 0; n < scale_.size[0]; ++n) {
-    for (std::int32_t e = 0; e < scale_.size[1]; ++e) {
-      assess_column(n, e);
+  for (TileId id = 0; id < grid_.tile_count(); ++id) {
+    TileRecord& record = grid_.tile(id);
+    record.generation_read = record.generation;
+    for (std::uint16_t& row : record.unsmoothed) {
+      row = UINT16_MAX;
     }
+    static_cast<void>(smooth_tile(id));
+  }
+  for (TileId id = 0; id < grid_.tile_count(); ++id) {
+    static_cast<void>(assess_tile(id));
   }
 }
 

@@ -43,8 +43,10 @@ base::Status Grid::configure(const std::int32_t size[3]) {
     columns_[i].depth_q8 = kUnknownDepth;
   }
   for (TileId id = 0; id < tile_count_; ++id) {
-    tiles_[id] = TileRecord{id, 0, 0};
+    tiles_[id] = TileRecord{};
+    tiles_[id].page = id;
   }
+  touched_count_ = 0;
   return base::Status::kOk;
 }
 

@@ -49,14 +49,19 @@ using TileId = std::uint32_t;
 /// State of one tile.
 struct TileRecord {
   std::uint32_t page;  ///< index of the tile's storage page (its first voxel / voxels per page)
-  std::uint32_t generation;  ///< counts the pings that wrote into the tile; 0 = never
-  std::uint32_t last_ping;   ///< number of the latest of them
+  std::uint32_t generation;       ///< counts the pings that wrote into the tile; 0 = never
+  std::uint32_t last_ping;        ///< number of the latest of them
+  std::uint32_t generation_read;  ///< generation at which the columns' own depths were last read
+  std::uint8_t flags;             ///< TileFlags
+  /// Columns whose smoothed depth is out of date: bit (e & 15) of row (n & 15).
+  std::uint16_t unsmoothed[kTileCells];
+};
 
-  /// Counts ping number `ping` (from 1 on), once.
-  void touch(std::uint32_t ping) {
-    generation += last_ping == ping ? 0U : 1U;
-    last_ping = ping;
-  }
+/// Bits of TileRecord::flags.
+enum TileFlags : std::uint8_t {
+  kTileListed = 1U << 0U,      ///< in the list of touched tiles
+  kTileUnsmoothed = 1U << 1U,  ///< some bit of `unsmoothed` is set
+  kTileUnassessed = 1U << 2U,  ///< sigmas are out of date
 };
 
 /// Static storage and index arithmetic. One instance owns everything; not copyable. All functions are
@@ -85,6 +90,34 @@ class Grid {
   [[nodiscard]] std::uint32_t column_count() const { return tile_count_ * kTileCells * kTileCells; }
   [[nodiscard]] TileRecord& tile(TileId id) { return tiles_[id]; }
   [[nodiscard]] const TileRecord& tile(TileId id) const { return tiles_[id]; }
+  [[nodiscard]] std::int32_t tiles_north() const { return (north_ + kTileCells - 1) / kTileCells; }
+  [[nodiscard]] std::int32_t tiles_east() const { return tiles_east_; }
+
+  /// To be called before the voxels of a tile change: counts ping number `ping` (from 1 on) once, and
+  /// puts the tile on the list of touched tiles.
+  void touch(TileId id, std::uint32_t ping) {
+    TileRecord& tile = tiles_[id];
+    if (tile.last_ping == ping) {
+      return;
+    }
+    tile.last_ping = ping;
+    ++tile.generation;
+    if ((tile.flags & kTileListed) == 0) {
+      tile.flags |= kTileListed;
+      touched_[touched_count_] = id;
+      ++touched_count_;
+    }
+  }
+  /// Takes a tile touched since it was taken last; false when there is none. Last in, first out.
+  [[nodiscard]] bool take_touched(TileId& id) {
+    if (touched_count_ == 0) {
+      return false;
+    }
+    --touched_count_;
+    id = touched_[touched_count_];
+    tiles_[id].flags &= static_cast<std::uint8_t>(~kTileListed);
+    return true;
+  }
 
   /// Index of column (n, e) in storage order (tile by tile).
   [[nodiscard]] std::uint32_t column_index(std::int32_t n, std::int32_t e) const {
@@ -116,6 +149,8 @@ class Grid {
   Voxel voxels_[kVoxelCapacity + 64];
   ColumnRecord columns_[kColumnCapacity];
   TileRecord tiles_[kTileCapacity];
+  TileId touched_[kTileCapacity];  // each tile at most once: kTileListed
+  std::uint32_t touched_count_ = 0;
 };
 
 }  // namespace leadline::model

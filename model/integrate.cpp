@@ -463,7 +463,7 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
         // One look at the page table per tile and row.
         row_base = grid_.column_index(n, e & ~(kTileCells - 1));
         tile_end = (e | (kTileCells - 1)) + 1;
-        grid_.tile(grid_.tile_of(n, e)).touch(ping_number_);
+        grid_.touch(grid_.tile_of(n, e), ping_number_);
       }
       const std::uint32_t column = row_base + static_cast<std::uint32_t>(e & (kTileCells - 1));
       const std::uint32_t against_q7 = (weight_q7 * against_q15) >> 15U;
@@ -535,7 +535,7 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       }
       const auto cell_n = static_cast<std::int32_t>(n);
       const auto cell_e = static_cast<std::int32_t>(e);
-      grid_.tile(grid_.tile_of(cell_n, cell_e)).touch(ping_number_);
+      grid_.touch(grid_.tile_of(cell_n, cell_e), ping_number_);
       Voxel* const voxels = grid_.column_voxels(grid_.column_index(cell_n, cell_e));
       const std::uint32_t dither =
           seed + static_cast<std::uint32_t>(n * kMaxSideCells + e) * kColumnDither;

@@ -123,7 +123,7 @@ base::Status Model::configure(const ModelConfig& config, const void* table_bytes
   ping_number_ = 0;
   voxels_this_ping_ = 0;
   for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {
-    results_[column] = ColumnResult{kUnknownDepth, 0, kUnknownDepth, 0};
+    results_[column] = ColumnResult{kUnknownDepth, 0, kUnknownDepth, 0, 0};
   }
   configured_ = true;
   return base::Status::kOk;

@@ -54,6 +54,14 @@ struct ColumnResult {
   std::uint32_t mass;       ///< their evidence, event units
   std::int32_t depth_q8;    ///< depth after certainty-matched smoothing, or kUnknownDepth
   std::uint32_t sigma_q12;  ///< one sigma of the depth, 1/4096 cell
+  std::uint32_t noise_q16;  ///< variance of the depth from noise alone, cells^2: a part of sigma
+};
+
+/// What an extract_tile() did, in columns.
+struct TileWork {
+  std::uint32_t columns_read;
+  std::uint32_t columns_smoothed;
+  std::uint32_t columns_assessed;
 };
 
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): extract() writes every result that is read.
@@ -86,7 +94,20 @@ class Model {
   /// Depth, smoothing and uncertainty of every touched column: O(grid). Does not change the voxels or
   /// anything that later pings depend on.
   void extract(DepthMethod method = DepthMethod::kRobustMoment);
-  /// Result of the last extract() for column (n, e).
+  /// The same by tiles, and only what has changed since: afterwards the columns of `tile` have the very
+  /// results that extract(kRobustMoment) would give them now. What lies in the tile's surroundings is
+  /// brought up to date as far as it is needed: columns of touched tiles are read within
+  /// kInfluenceTiles + 1 tiles and smoothed within kInfluenceTiles where something near them changed, each
+  /// once, whoever asks first. Bound: 81 tiles read, 49 smoothed, 1 assessed (the whole grid, once, when the
+  /// last extract() used another method). Nothing before configure().
+  TileWork extract_tile(TileId tile);
+  /// A ping that touches a tile can change results at most this many tiles away (in north and in east):
+  /// sigma looks 34 cells far, smoothing 3.
+  static constexpr std::int32_t kInfluenceTiles = 3;
+  /// Takes a tile that pings touched since it was taken last; false: none. Whoever keeps results by tiles
+  /// has to ask for those within kInfluenceTiles again. O(1).
+  [[nodiscard]] bool take_touched_tile(TileId& tile) { return grid_.take_touched(tile); }
+  /// Result of the last extraction for column (n, e).
   [[nodiscard]] const ColumnResult& result(std::int32_t n, std::int32_t e) const {
     return results_[grid_.column_index(n, e)];
   }
@@ -107,7 +128,13 @@ class Model {
   void check_saturation(std::uint32_t column);
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
              std::int32_t range_q10, std::uint32_t weight_q7);
-  void extract_raw(DepthMethod method);
+  struct TileSpan;
+  [[nodiscard]] TileSpan tiles_around(TileId tile, std::int32_t reach) const;
+  [[nodiscard]] bool read_column(std::uint32_t column, DepthMethod method);
+  void read_tile(TileId tile);
+  void mark_unsmoothed(TileId tile, const std::uint16_t rows[kTileCells]);
+  [[nodiscard]] std::uint32_t smooth_tile(TileId tile);
+  [[nodiscard]] std::uint32_t assess_tile(TileId tile);
   void smooth_column(std::int32_t n, std::int32_t e);
   void assess_column(std::int32_t n, std::int32_t e);
   [[nodiscard]] Slope result_slope(std::int32_t n, std::int32_t e) const;
@@ -123,6 +150,7 @@ class Model {
   std::int64_t correlated_q12_[3] = {};  // cells^2
   std::int64_t registration_q12_ = 0;    // cells^2, see DESIGN.md
   Grid grid_;
+  DepthMethod method_ = DepthMethod::kRobustMoment;  // of the raw depths in results_
   ColumnResult results_[kColumnCapacity];
 };
 
