@@ -37,9 +37,9 @@ void check_beam_marks(const TomlSection& section, SonarConfig* sonar) {
   static constexpr std::array<const char*, 5> kMarks = {"beam_half_angle_deg", "piston_diameter_mm",
                                                         "aperture_along_mm", "aperture_across_mm",
                                                         "pattern_file"};
-  static constexpr std::array<BeamKind, 5> kKinds = {
-      BeamKind::kCone, BeamKind::kPiston, BeamKind::kAperture, BeamKind::kAperture,
-      BeamKind::kPattern};
+  static constexpr std::array<BeamKind, 5> kKinds = {BeamKind::kCone, BeamKind::kPiston,
+                                                     BeamKind::kAperture, BeamKind::kAperture,
+                                                     BeamKind::kPattern};
   std::vector<std::string> given;
   bool mixed = false;
   for (std::size_t i = 0; i < kMarks.size(); ++i) {

@@ -42,8 +42,8 @@ SurveyMap::SurveyMap(const MapConfig& config, const std::string& config_name,
     throw std::logic_error("one SurveyMap at a time: the model is a static object");
   }
   impl_->config = config;
-  model::ModelConfig model_config = to_model_config(config.grid, config.sonar, config.navigation,
-                                                    config.model, config_name);
+  model::ModelConfig model_config =
+      to_model_config(config.grid, config.sonar, config.navigation, config.model, config_name);
   model_config.work_budget_voxels = work_budget_voxels;
   const GeneratedTable generated = generate_table(beam_description(config.sonar));
   const base::Status status =
