@@ -79,7 +79,8 @@ class Ping1dCodec {
   /// Bytes that the device is owed now: 0, or one whole request. To be called every cycle. Nothing is
   /// sent while an answer is due. Start-up: protocol version, device information, then the settings,
   /// each read back; from then on the poll. Settings that do not hold after three tries are counted and
-  /// left. Five polls without an answer, or a measurement number that goes back, start over.
+  /// left. Five requests without an answer, a measurement number that goes back, and five measurements
+  /// over another scan than the one that held start over.
   [[nodiscard]] std::size_t request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity);
 
   /// The port was closed and opened again: forgets half a frame and starts over.
@@ -103,17 +104,33 @@ class Ping1dCodec {
     kStart,
     kRun
   };
-  struct Setting;
+  /// A setting and its read-back.
+  struct Setting {
+    std::uint16_t set_id;
+    std::uint16_t read_id;
+    std::uint8_t set_bytes;
+    std::uint8_t read_bytes;
+    std::uint8_t value[8];  ///< little-endian; the first set_bytes, read_bytes of it
+  };
 
-  [[nodiscard]] Setting setting_of(Step step) const;
+  [[nodiscard]] Setting setting() const;
   [[nodiscard]] bool take(const PingFrame& frame, base::Ping& ping);
   [[nodiscard]] bool take_measurement(const PingFrame& frame, base::Ping& ping);
-  void take_profile(const PingFrame& frame, base::Ping& ping);
+  [[nodiscard]] bool plausible(const PingFrame& frame) const;
+  [[nodiscard]] bool wants_bins(const PingFrame& frame) const;
+  void take_range(const std::uint8_t* payload, base::Ping& ping) const;
+  void take_profile(const std::uint8_t* payload, base::Ping& ping);
   void take_setting(const PingFrame& frame);
   void take_device(const PingFrame& frame);
-  void advance(Step step);
+  void take_nack(const PingFrame& frame);
+  void watch(const PingFrame& frame);
+  void advance();
   void begin_again();
   void give_up();
+  [[nodiscard]] bool due(base::TimeUs now_us);
+  [[nodiscard]] std::int64_t timeout_us() const;
+  [[nodiscard]] std::uint32_t scan_start_mm() const;
+  [[nodiscard]] std::uint32_t scan_length_mm() const;
   [[nodiscard]] std::size_t write_step(std::uint8_t* out, std::size_t capacity) const;
   [[nodiscard]] std::int64_t scaled_um(std::int64_t device_um) const;
 
@@ -123,8 +140,11 @@ class Ping1dCodec {
   PingHeadCounters counters_{};
   PingDeviceInfo device_{};
   Step step_ = Step::kVersion;
-  std::uint8_t tries_ = 0;     ///< of the setting under way
-  std::uint8_t silences_ = 0;  ///< polls without an answer in a row
+  std::uint8_t tries_ = 0;       ///< of the setting under way
+  std::uint8_t silences_ = 0;    ///< requests without an answer in a row
+  std::uint8_t mismatches_ = 0;  ///< measurements in a row with another scan than the one that held
+  bool range_held_ = false;      ///< the scan read back as set
+  base::TimeUs next_poll_us_ = 0;
   bool has_last_ = false;
   std::array<std::uint8_t, 24> last_{};  ///< fixed part of the last measurement
   std::array<std::uint16_t, kMaxPingSamples> intensity_{};

@@ -88,8 +88,8 @@ class Ping360Codec {
 
   /// Bytes that the head is owed now: 0, or one whole request. To be called every cycle. Start-up: motor
   /// off (ends a scan that an earlier host left running), protocol version, device information; then
-  /// one request per beam, or one for the whole scan. Silence (five beams, or four seconds of a scan)
-  /// and five frames in a row with other settings start over.
+  /// one request per beam, or one for the whole scan. Silence (five requests, or four seconds of a
+  /// scan) starts over; five frames in a row with other settings ask for the scan again.
   [[nodiscard]] std::size_t request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity);
 
   /// The port was closed and opened again: forgets half a frame and starts over.
@@ -104,15 +104,21 @@ class Ping360Codec {
   enum class Step : std::uint8_t { kStop, kVersion, kDevice, kPoll, kAuto };
 
   [[nodiscard]] bool take(const PingFrame& frame, base::Ping& ping);
-  [[nodiscard]] bool take_data(const PingFrame& frame, std::size_t samples_offset,
-                               base::Ping& ping);
-  void watch_settings(const std::uint8_t* payload, std::uint16_t samples);
+  [[nodiscard]] bool take_data(const PingFrame& frame, base::Ping& ping);
+  [[nodiscard]] bool take_profile(const PingFrame& frame, std::size_t data_offset,
+                                  base::Ping& ping);
+  void answered(const PingFrame& frame, std::uint16_t samples);
+  [[nodiscard]] bool holds(const std::uint8_t* payload, std::uint16_t samples) const;
   void take_device(const PingFrame& frame);
+  void take_ack(const PingFrame& frame);
+  void take_nack(const PingFrame& frame);
   void advance(Step step);
   void begin_again();
   void give_up();
-  void next_angle();
-  [[nodiscard]] std::int64_t beam_timeout_us(base::TimeUs now_us) const;
+  void next_beam();
+  [[nodiscard]] bool due(base::TimeUs now_us);
+  [[nodiscard]] std::int32_t beam_grad() const;
+  [[nodiscard]] std::int64_t timeout_us(base::TimeUs now_us) const;
   [[nodiscard]] std::size_t write_step(std::uint8_t* out, std::size_t capacity) const;
   [[nodiscard]] std::size_t write_beam(std::uint8_t* out, std::size_t capacity) const;
   [[nodiscard]] std::size_t write_scan(std::uint8_t* out, std::size_t capacity) const;
@@ -131,7 +137,8 @@ class Ping360Codec {
   bool backwards_ = false;
   bool has_angle_ = false;  ///< where the head stands is known
   std::int32_t angle_grad_ = 0;
-  base::TimeUs t_heard_us_ = 0;  ///< last answer
+  base::TimeUs t_heard_us_ = 0;  ///< last data
+  base::TimeUs next_poll_us_ = 0;
   std::array<std::uint16_t, kMaxPingSamples> intensity_{};
 };
 

@@ -122,6 +122,7 @@ class PingParser {
   [[nodiscard]] Verdict judge();
   [[nodiscard]] const PingMessage* find(std::uint16_t id) const;
   [[nodiscard]] base::TimeUs arrival_of(std::size_t index) const;
+  [[nodiscard]] Verdict incomplete(bool paused, bool looked_right);
   void skip(std::size_t count);
   void make_room();
 
@@ -131,7 +132,7 @@ class PingParser {
   base::TimeUs last_arrival_us_ = 0;
   std::size_t begin_ = 0;  ///< first byte not yet delivered or skipped
   std::size_t end_ = 0;
-  bool silent_ = false;  ///< a pause behind the buffered bytes: what is incomplete stays so
+  std::size_t pause_at_ = 0;  ///< the line was silent before this byte: no frame reaches across
   PingCounters counters_{};
 };
 

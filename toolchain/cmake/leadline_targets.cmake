@@ -1,6 +1,7 @@
 # How every target of the project is compiled. Included once by the root CMakeLists.txt.
 #
-#   leadline_vehicle_library(NAME)   static library of vehicle code from the current folder
+#   leadline_vehicle_library(NAME [FOLDER...])   static library of vehicle code from the current folder,
+#                                    or from these folders below it and the headers beside them
 #   leadline_host_target(TARGET)     flags for host programs, libraries and tests
 
 set(CMAKE_CXX_STANDARD 17)
@@ -73,8 +74,19 @@ target_link_libraries(leadline_host_flags INTERFACE leadline_flags)
 target_compile_options(leadline_host_flags INTERFACE -ffp-contract=off -Wconversion)
 
 function(leadline_vehicle_library name)
-  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
-  file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.hpp)
+  if(ARGN)
+    file(GLOB headers CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.hpp)
+    set(folders ${ARGN})
+    list(TRANSFORM folders PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/)
+  else()
+    set(folders ${CMAKE_CURRENT_SOURCE_DIR})
+  endif()
+  foreach(folder IN LISTS folders)
+    file(GLOB_RECURSE folder_sources CONFIGURE_DEPENDS ${folder}/*.cpp)
+    file(GLOB_RECURSE folder_headers CONFIGURE_DEPENDS ${folder}/*.hpp)
+    list(APPEND sources ${folder_sources})
+    list(APPEND headers ${folder_headers})
+  endforeach()
   add_library(${name} STATIC ${sources})
   # As a header set: the target all_verify_interface_header_sets (toolchain/test.sh --tier ci)
   # compiles each header alone.

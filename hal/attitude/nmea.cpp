@@ -1,0 +1,555 @@
+#include "hal/attitude/nmea.hpp"
+
+#include <cstring>
+
+#include "model/base/fixed.hpp"
+
+namespace leadline::hal {
+
+namespace {
+
+constexpr std::int64_t kE9 = 1'000'000'000;
+constexpr std::size_t kMaxFields = 24;  // the address included; what is behind them is left
+
+/// Text between two commas, without the spaces around it.
+struct Field {
+  const char* text = nullptr;
+  std::size_t size = 0;
+
+  [[nodiscard]] bool empty() const { return size == 0; }
+};
+
+struct Sentence {
+  std::array<Field, kMaxFields> fields{};
+  std::size_t count = 0;
+
+  /// Field `index`; beyond the last an empty one.
+  [[nodiscard]] Field at(std::size_t index) const {
+    return index < count ? fields[index] : Field{};
+  }
+};
+
+/// What became of one sentence.
+enum class Outcome : std::uint8_t { kRecord, kNoData, kBadField, kIgnored };
+
+constexpr char upper(char c) { return c >= 'a' && c <= 'z' ? static_cast<char>(c - 32) : c; }
+
+constexpr bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+/// Equal but for the case of letters.
+bool is(const Field& field, const char* word) {
+  for (std::size_t i = 0; i < field.size; ++i) {
+    if (upper(field.text[i]) != upper(word[i])) {
+      return false;  // also where the word ends first
+    }
+  }
+  return word[field.size] == '\0';
+}
+
+constexpr int hex_digit(char c) {
+  if (is_digit(c)) {
+    return c - '0';
+  }
+  const char letter = upper(c);
+  return letter >= 'A' && letter <= 'F' ? letter - 'A' + 10 : -1;
+}
+
+Field trimmed(const char* text, std::size_t size) {
+  while (size > 0 && text[0] == ' ') {
+    ++text;
+    --size;
+  }
+  while (size > 0 && text[size - 1] == ' ') {
+    --size;
+  }
+  return {text, size};
+}
+
+Sentence split(const char* text, std::size_t size) {
+  Sentence sentence;
+  std::size_t start = 0;
+  for (std::size_t i = 0; i <= size && sentence.count < kMaxFields; ++i) {
+    if (i < size && text[i] != ',') {
+      continue;
+    }
+    sentence.fields[sentence.count] = trimmed(text + start, i - start);
+    ++sentence.count;
+    start = i + 1;
+  }
+  return sentence;
+}
+
+/// Decimal text times 1e9, exact up to nine decimals, the tenth rounds. False for anything else than
+/// a number with |value| < 1e9.
+bool parse_e9(const Field& field, std::int64_t& value_e9) {
+  std::size_t i = 0;
+  const bool negative = field.size > 0 && field.text[0] == '-';
+  if (negative || (field.size > 0 && field.text[0] == '+')) {
+    ++i;
+  }
+  std::int64_t magnitude_e9 = 0;
+  std::int64_t digit_e9 = 0;  // weight of the next decimal; 0: in front of the point
+  bool point = false;
+  bool digits = false;
+  for (; i < field.size; ++i) {
+    const char c = field.text[i];
+    if (c == '.' && !point) {
+      point = true;
+      digit_e9 = kE9 / 10;
+      continue;
+    }
+    if (!is_digit(c)) {
+      return false;
+    }
+    digits = true;
+    const std::int64_t digit = c - '0';
+    if (!point) {
+      if (magnitude_e9 >= kE9 * kE9 / 10) {
+        return false;
+      }
+      magnitude_e9 = magnitude_e9 * 10 + digit * kE9;
+    } else if (digit_e9 > 0) {
+      magnitude_e9 += digit * digit_e9;
+      digit_e9 = digit_e9 == 1 ? -1 : digit_e9 / 10;
+    } else if (digit_e9 < 0) {
+      magnitude_e9 += digit >= 5 ? 1 : 0;
+      digit_e9 = 0;
+    }
+  }
+  value_e9 = negative ? -magnitude_e9 : magnitude_e9;
+  return digits;
+}
+
+bool parse_within(const Field& field, std::int64_t low_e9, std::int64_t high_e9,
+                  std::int64_t& value_e9) {
+  return parse_e9(field, value_e9) && value_e9 >= low_e9 && value_e9 <= high_e9;
+}
+
+/// Degrees to a binary angle; |degrees| <= 1080.
+constexpr base::Bam32 bam_of(std::int64_t angle_e9deg) {
+  // 2^32 / 360e9 = 2^20 / (9 * 5^10)
+  constexpr std::int64_t kDivisor = 87'890'625;
+  const std::int64_t scaled = angle_e9deg * (std::int64_t{1} << 20U);
+  const std::int64_t half = scaled < 0 ? -(kDivisor / 2) : kDivisor / 2;
+  return static_cast<base::Bam32>(static_cast<std::uint64_t>((scaled + half) / kDivisor));
+}
+
+bool parse_heading(const Field& field, std::int64_t& heading_e9deg) {
+  return parse_within(field, -180 * kE9, 360 * kE9, heading_e9deg);
+}
+
+/// A correction with its side: `value`, 'E' or 'W'; east is positive. Empty is zero.
+bool parse_correction(const Field& value, const Field& side, std::int64_t& correction_e9deg) {
+  correction_e9deg = 0;
+  if (value.empty()) {
+    return true;
+  }
+  if (!parse_within(value, -180 * kE9, 180 * kE9, correction_e9deg)) {
+    return false;
+  }
+  if (is(side, "W")) {
+    correction_e9deg = -correction_e9deg;
+    return true;
+  }
+  return is(side, "E");
+}
+
+bool unit_is(const Field& field, const char* unit) { return field.empty() || is(field, unit); }
+
+Outcome take_hdg(const Sentence& sentence, const NmeaConfig& config, base::NavSample& sample) {
+  if (sentence.at(1).empty()) {
+    return Outcome::kNoData;
+  }
+  std::int64_t heading_e9deg = 0;
+  std::int64_t deviation_e9deg = 0;
+  std::int64_t variation_e9deg = 0;
+  if (!parse_heading(sentence.at(1), heading_e9deg) ||
+      !parse_correction(sentence.at(2), sentence.at(3), deviation_e9deg) ||
+      !parse_correction(sentence.at(4), sentence.at(5), variation_e9deg)) {
+    return Outcome::kBadField;
+  }
+  heading_e9deg += deviation_e9deg;
+  const bool to_true = config.use_variation && !sentence.at(4).empty();
+  sample.fields = to_true ? base::kNavHeading : base::kNavHeadingMagnetic;
+  sample.attitude.heading_bam32 = bam_of(heading_e9deg + (to_true ? variation_e9deg : 0));
+  return Outcome::kRecord;
+}
+
+Outcome take_heading(const Sentence& sentence, const char* reference, base::NavField field,
+                     base::NavSample& sample) {
+  if (sentence.at(1).empty()) {
+    return Outcome::kNoData;
+  }
+  std::int64_t heading_e9deg = 0;
+  if (!parse_heading(sentence.at(1), heading_e9deg) || !unit_is(sentence.at(2), reference)) {
+    return Outcome::kBadField;
+  }
+  sample.fields = field;
+  sample.attitude.heading_bam32 = bam_of(heading_e9deg);
+  return Outcome::kRecord;
+}
+
+/// Both or none: an attitude with half of it missing is none.
+bool parse_roll_pitch(const Field& roll, const Field& pitch, base::NavSample& sample) {
+  std::int64_t roll_e9deg = 0;
+  std::int64_t pitch_e9deg = 0;
+  if (!parse_within(roll, -180 * kE9, 180 * kE9, roll_e9deg) ||
+      !parse_within(pitch, -90 * kE9, 90 * kE9, pitch_e9deg)) {
+    return false;
+  }
+  sample.fields |= base::kNavRollPitch;
+  sample.attitude.roll_bam32 = bam_of(roll_e9deg);
+  sample.attitude.pitch_bam32 = bam_of(pitch_e9deg);
+  return true;
+}
+
+bool parse_optional_heading(const Field& field, base::NavField kind, base::NavSample& sample) {
+  if (field.empty()) {
+    return true;
+  }
+  std::int64_t heading_e9deg = 0;
+  if (!parse_heading(field, heading_e9deg)) {
+    return false;
+  }
+  sample.fields |= kind;
+  sample.attitude.heading_bam32 = bam_of(heading_e9deg);
+  return true;
+}
+
+/// hhmmss, hhmmss.sss or hhmmsssss (one maker leaves the point out). Informative: what is no time of
+/// day is left out and spoils nothing.
+void take_time(const Field& field, base::NavSample& sample) {
+  const bool dotless = field.size == 9 && field.text[6] != '.';
+  for (std::size_t i = 0; i < field.size; ++i) {
+    const bool digit_place = i != 6 || dotless;
+    if (digit_place ? !is_digit(field.text[i]) : field.text[i] != '.') {
+      return;
+    }
+  }
+  if (field.size < 6) {
+    return;
+  }
+  const auto two = [&field](std::size_t at) {
+    return (field.text[at] - '0') * 10 + (field.text[at + 1] - '0');
+  };
+  const int hour = two(0);
+  const int minute = two(2);
+  const int second = two(4);
+  if (hour > 23 || minute > 59 || second > 60) {
+    return;
+  }
+  std::int64_t time_us = (hour * 3600LL + minute * 60LL + second) * 1'000'000;
+  std::int64_t weight_us = 100'000;
+  for (std::size_t i = dotless ? 6 : 7; i < field.size; ++i) {
+    time_us += (field.text[i] - '0') * weight_us;
+    weight_us /= 10;
+  }
+  sample.utc_us = time_us;
+  sample.fields |= base::kNavUtc;
+}
+
+bool take_sigma(const Field& field, std::uint32_t& sigma_urad) {
+  if (field.empty()) {
+    return true;
+  }
+  std::int64_t sigma_e9deg = 0;
+  if (!parse_within(field, 0, 180 * kE9, sigma_e9deg)) {
+    return false;
+  }
+  // pi / 180 * 1e6 microradians a degree
+  constexpr std::int64_t kScale = 17'453'293;
+  constexpr std::int64_t kDivisor = 1'000'000'000'000;
+  sigma_urad = static_cast<std::uint32_t>((sigma_e9deg * kScale + kDivisor / 2) / kDivisor);
+  return true;
+}
+
+Outcome take_pashr(const Sentence& sentence, base::NavSample& sample) {
+  if (!is(sentence.at(3), "T")) {
+    return Outcome::kIgnored;  // PASHR,ATT  PASHR,POS  PASHR,ACK ...
+  }
+  if (sentence.at(2).empty() && sentence.at(4).empty() && sentence.at(5).empty()) {
+    return Outcome::kNoData;
+  }
+  const bool levelled = !sentence.at(4).empty() || !sentence.at(5).empty();
+  if ((levelled && !parse_roll_pitch(sentence.at(4), sentence.at(5), sample)) ||
+      !parse_optional_heading(sentence.at(2), base::kNavHeading, sample) ||
+      !take_sigma(sentence.at(7), sample.sigma_attitude_urad[0]) ||
+      !take_sigma(sentence.at(8), sample.sigma_attitude_urad[1]) ||
+      !take_sigma(sentence.at(9), sample.sigma_attitude_urad[2])) {
+    return Outcome::kBadField;
+  }
+  take_time(sentence.at(1), sample);
+  return Outcome::kRecord;
+}
+
+Outcome take_prdid(const Sentence& sentence, const NmeaConfig& config, base::NavSample& sample) {
+  if (sentence.at(1).empty() && sentence.at(2).empty() && sentence.at(3).empty()) {
+    return Outcome::kNoData;
+  }
+  const base::NavField north = config.prdid_true ? base::kNavHeading : base::kNavHeadingMagnetic;
+  const bool good = parse_roll_pitch(sentence.at(2), sentence.at(1), sample) &&
+                    parse_optional_heading(sentence.at(3), north, sample);
+  return good ? Outcome::kRecord : Outcome::kBadField;
+}
+
+/// `value` in units of `unit_nm` (nanometres: feet and fathoms are whole numbers of them).
+bool take_altitude(const Field& value, std::int64_t unit_nm, base::NavSample& sample) {
+  std::int64_t value_e9 = 0;
+  if (value.empty()) {
+    return true;
+  }
+  // Limited first: 20 km of the smallest unit times 2e9 nm still fits.
+  if (!parse_within(value, 0, 70'000 * kE9, value_e9)) {
+    return false;
+  }
+  // value_e9 / 1e9 * unit_nm / 1e3, whole and broken part apart
+  const std::int64_t whole_nm = value_e9 / kE9 * unit_nm;
+  const std::int64_t broken_nm = (value_e9 % kE9 * (unit_nm / 1000) + kE9 / 2000) / (kE9 / 1000);
+  const std::int64_t altitude_um = (whole_nm + broken_nm + 500) / 1000;
+  if (altitude_um > base::kMaxRange_um) {
+    return false;
+  }
+  if (altitude_um > 0) {
+    sample.altitude_um = altitude_um;
+    sample.fields |= base::kNavAltitude;
+  }
+  return true;
+}
+
+constexpr std::int64_t kMetre_nm = 1'000'000'000;
+constexpr std::int64_t kFoot_nm = 304'800'000;
+constexpr std::int64_t kFathom_nm = 1'828'800'000;
+
+Outcome take_dbt(const Sentence& sentence, base::NavSample& sample) {
+  struct Unit {
+    std::size_t field;
+    const char* name;
+    std::int64_t length_nm;
+  };
+  constexpr std::array<Unit, 3> kUnits{
+      {{3, "M", kMetre_nm}, {1, "f", kFoot_nm}, {5, "F", kFathom_nm}}};
+  for (const Unit& unit : kUnits) {
+    if (sentence.at(unit.field).empty()) {
+      continue;
+    }
+    const bool good = unit_is(sentence.at(unit.field + 1), unit.name) &&
+                      take_altitude(sentence.at(unit.field), unit.length_nm, sample);
+    return good ? Outcome::kRecord : Outcome::kBadField;
+  }
+  return Outcome::kNoData;
+}
+
+Outcome take_dpt(const Sentence& sentence, base::NavSample& sample) {
+  return take_altitude(sentence.at(1), kMetre_nm, sample) ? Outcome::kRecord : Outcome::kBadField;
+}
+
+bool take_pressure(const Field& value, const NmeaConfig& config, base::NavSample& sample) {
+  std::int64_t pressure_e9dbar = 0;
+  if (!parse_within(value, -100 * kE9, 20'000 * kE9, pressure_e9dbar)) {
+    return false;
+  }
+  const std::int64_t half = pressure_e9dbar < 0 ? -50'000 : 50'000;
+  std::int64_t pressure_pa = (pressure_e9dbar + half) / 100'000;
+  pressure_pa += config.gauge_pressure ? config.gauge_reference_pa : 0;
+  if (pressure_pa > 0) {
+    sample.pressure_pa = pressure_pa;
+    sample.fields |= base::kNavPressure;
+  }
+  return true;
+}
+
+bool take_depth(const Field& value, base::NavSample& sample) {
+  std::int64_t depth_e9m = 0;
+  if (!parse_within(value, -20'000 * kE9, 20'000 * kE9, depth_e9m)) {
+    return false;
+  }
+  sample.depth_um = (depth_e9m + (depth_e9m < 0 ? -500 : 500)) / 1000;
+  sample.fields |= base::kNavDepth;
+  return true;
+}
+
+Outcome take_prvat(const Sentence& sentence, const NmeaConfig& config, base::NavSample& sample) {
+  if (!unit_is(sentence.at(2), "M") || !take_altitude(sentence.at(1), kMetre_nm, sample)) {
+    return Outcome::kBadField;
+  }
+  const Field value = sentence.at(3);
+  const Field unit = sentence.at(4);
+  if (value.empty()) {
+    return Outcome::kRecord;
+  }
+  if (is(unit, "dBar")) {
+    return take_pressure(value, config, sample) ? Outcome::kRecord : Outcome::kBadField;
+  }
+  if (is(unit, "Metres")) {
+    return take_depth(value, sample) ? Outcome::kRecord : Outcome::kBadField;
+  }
+  return Outcome::kBadField;
+}
+
+/// d..dmm.mmm and its hemisphere.
+bool parse_coordinate(const Field& value, const Field& side, const char* positive,
+                      const char* negative, std::int64_t limit_deg, std::int64_t& out_e9deg) {
+  std::int64_t packed_e9 = 0;
+  if (!parse_within(value, 0, 20'000 * kE9, packed_e9)) {
+    return false;
+  }
+  const std::int64_t minutes_e9 = packed_e9 % (100 * kE9);
+  const std::int64_t whole_deg = packed_e9 / (100 * kE9);
+  const std::int64_t magnitude_e9deg = whole_deg * kE9 + (minutes_e9 + 30) / 60;
+  if (minutes_e9 >= 60 * kE9 || magnitude_e9deg > limit_deg * kE9) {
+    return false;
+  }
+  const bool south_or_west = is(side, negative);
+  out_e9deg = south_or_west ? -magnitude_e9deg : magnitude_e9deg;
+  return south_or_west || is(side, positive);
+}
+
+/// 0: no fix that anybody should use.
+std::uint8_t fix_quality(const Field& field) {
+  constexpr std::array<std::uint8_t, 7> kQuality{0, 160, 192, 192, 255, 224, 64};
+  if (field.size != 1 || field.text[0] < '0' || field.text[0] > '6') {
+    return 0;  // empty, 7 typed in by hand, 8 simulated
+  }
+  return kQuality[static_cast<std::size_t>(field.text[0] - '0')];
+}
+
+Outcome take_gga(const Sentence& sentence, base::NavSample& sample) {
+  sample.quality = fix_quality(sentence.at(6));
+  if (sample.quality == 0) {
+    return Outcome::kNoData;
+  }
+  if (!parse_coordinate(sentence.at(2), sentence.at(3), "N", "S", 90, sample.latitude_e9deg) ||
+      !parse_coordinate(sentence.at(4), sentence.at(5), "E", "W", 180, sample.longitude_e9deg)) {
+    return Outcome::kBadField;
+  }
+  sample.fields = base::kNavGeodetic;
+  take_time(sentence.at(1), sample);
+  return Outcome::kRecord;
+}
+
+Outcome take_sentence(const Sentence& sentence, const NmeaConfig& config, base::NavSample& sample) {
+  const Field address = sentence.at(0);
+  if (address.size != 5) {
+    return Outcome::kIgnored;
+  }
+  if (upper(address.text[0]) == 'P') {
+    if (is(address, "PASHR")) {
+      return take_pashr(sentence, sample);
+    }
+    if (is(address, "PRDID")) {
+      return take_prdid(sentence, config, sample);
+    }
+    return is(address, "PRVAT") ? take_prvat(sentence, config, sample) : Outcome::kIgnored;
+  }
+  const Field type{address.text + 2, 3};
+  if (is(type, "HDG")) {
+    return take_hdg(sentence, config, sample);
+  }
+  if (is(type, "HDM")) {
+    return take_heading(sentence, "M", base::kNavHeadingMagnetic, sample);
+  }
+  if (is(type, "HDT")) {
+    return take_heading(sentence, "T", base::kNavHeading, sample);
+  }
+  if (is(type, "DBT")) {
+    return take_dbt(sentence, sample);
+  }
+  if (is(type, "DPT")) {
+    return take_dpt(sentence, sample);
+  }
+  return is(type, "GGA") ? take_gga(sentence, sample) : Outcome::kIgnored;
+}
+
+}  // namespace
+
+bool NmeaCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::NavSample& sample) {
+  const char c = static_cast<char>(byte);
+  if (c == '$' || c == '!') {
+    // The end of the sentence before was lost; with its checksum it is whole all the same.
+    bool delivered = false;
+    if (inside_ && size_ > 3 && text_[size_ - 3] == '*') {
+      delivered = finish(sample);
+    } else if (inside_) {
+      ++counters_.unfinished;
+    }
+    inside_ = c == '$';
+    size_ = 0;
+    t_last_us_ = t_arrival_us;
+    return delivered;
+  }
+  if (!inside_) {
+    return false;
+  }
+  if (c == '\r' || c == '\n') {
+    inside_ = false;
+    return finish(sample);
+  }
+  if (byte < 0x20 || byte > 0x7E) {
+    ++counters_.bad_byte;
+    inside_ = false;
+    return false;
+  }
+  if (size_ == text_.size()) {
+    ++counters_.too_long;
+    inside_ = false;
+    return false;
+  }
+  text_[size_] = c;
+  ++size_;
+  t_last_us_ = t_arrival_us;
+  return false;
+}
+
+void NmeaCodec::restart() {
+  counters_.unfinished += inside_ ? 1U : 0U;
+  inside_ = false;
+}
+
+bool NmeaCodec::finish(base::NavSample& sample) {
+  std::size_t body = 0;
+  std::uint32_t sum = 0;
+  while (body < size_ && text_[body] != '*') {
+    sum ^= static_cast<std::uint8_t>(text_[body]);
+    ++body;
+  }
+  if (body == size_) {
+    if (config_.require_checksum) {
+      ++counters_.no_checksum;
+      return false;
+    }
+  } else {
+    const bool two = size_ - body == 3;
+    const int high = two ? hex_digit(text_[body + 1]) : -1;
+    const int low = two ? hex_digit(text_[body + 2]) : -1;
+    if (high < 0 || low < 0 || static_cast<std::uint32_t>(high * 16 + low) != sum) {
+      ++counters_.bad_checksum;
+      return false;
+    }
+  }
+  base::NavSample taken{};
+  taken.quality = 255;
+  const std::int64_t sent_ns = (static_cast<std::int64_t>(size_) + 1) * config_.byte_time_ns;
+  taken.t_us = t_last_us_ - sent_ns / 1000;
+  switch (take_sentence(split(text_.data(), body), config_, taken)) {
+    case Outcome::kNoData:
+      ++counters_.no_data;
+      return false;
+    case Outcome::kBadField:
+      ++counters_.bad_field;
+      return false;
+    case Outcome::kIgnored:
+      ++counters_.ignored;
+      return false;
+    case Outcome::kRecord:
+      break;
+  }
+  if (taken.fields == 0) {
+    ++counters_.no_data;
+    return false;
+  }
+  ++counters_.records;
+  sample = taken;
+  return true;
+}
+
+}  // namespace leadline::hal

@@ -1,0 +1,432 @@
+#include "hal/heads/ping1d.hpp"
+
+#include <cstring>
+
+#include "hal/wire.hpp"
+#include "model/base/fixed.hpp"
+
+namespace leadline::hal {
+
+namespace {
+
+constexpr std::uint16_t kSetRange = 1001;
+constexpr std::uint16_t kSetSpeedOfSound = 1002;
+constexpr std::uint16_t kSetModeAuto = 1003;
+constexpr std::uint16_t kSetPingInterval = 1004;
+constexpr std::uint16_t kSetGain = 1005;
+constexpr std::uint16_t kSetPingEnable = 1006;
+constexpr std::uint16_t kSpeedOfSound = 1203;
+constexpr std::uint16_t kRange = 1204;
+constexpr std::uint16_t kModeAuto = 1205;
+constexpr std::uint16_t kPingInterval = 1206;
+constexpr std::uint16_t kGain = 1207;
+constexpr std::uint16_t kPingEnable = 1215;
+constexpr std::uint16_t kDistance = 1212;
+constexpr std::uint16_t kProfile = 1300;
+constexpr std::uint16_t kContinuousStart = 1400;
+constexpr std::uint16_t kContinuousStop = 1401;
+
+constexpr std::size_t kFixed_bytes = 24;  // distance, and what profile has in front of its samples
+constexpr std::int64_t kMinScan_mm = 1000;
+constexpr std::int64_t kMaxScan_mm = base::kMaxRange_um / 1000;
+constexpr std::int64_t kMaxBin_mm = 3'000'000;  // fits 32 bits in micrometres, scaled
+constexpr std::int64_t kMinInterval_ms = 20;    // the device's 50 Hz
+constexpr std::int64_t kTimeout_us = 500'000;
+constexpr std::uint8_t kMaxGain = 6;
+constexpr std::uint8_t kMaxTries = 3;
+constexpr std::uint8_t kMaxInARow = 5;
+
+// There and back, at the device's sound speed.
+constexpr base::TimeUs travel_us(std::int64_t device_um) {
+  constexpr std::int64_t kUmPerUs = kPing1dSoundSpeed_mm_s / 2000;
+  return (device_um + kUmPerUs / 2) / kUmPerUs;
+}
+
+std::size_t write_general_request(std::uint16_t id, std::uint8_t device_id, std::uint8_t* out,
+                                  std::size_t capacity) {
+  std::uint8_t payload[2];
+  write_u16_le(payload, id);
+  return write_ping_frame(kPingGeneralRequest, 0, device_id, payload, sizeof payload, out,
+                          capacity);
+}
+
+Ping1dConfig limited(Ping1dConfig config) {
+  config.min_confidence_percent = base::min_of<std::uint8_t>(config.min_confidence_percent, 100);
+  config.gain_setting = base::min_of(config.gain_setting, kMaxGain);
+  config.poll_interval_us = base::clamp(config.poll_interval_us, 0, 60'000'000);
+  config.min_range_um = base::clamp<std::int64_t>(config.min_range_um, 0, base::kMaxRange_um);
+  config.max_range_um =
+      base::clamp<std::int64_t>(config.max_range_um, config.min_range_um, base::kMaxRange_um);
+  config.sound_speed_mm_s = base::clamp(config.sound_speed_mm_s, 1'300'000, 1'700'000);
+  config.byte_time_ns = base::clamp(config.byte_time_ns, 0, 100'000'000);
+  return config;
+}
+
+}  // namespace
+
+Ping1dCodec::Ping1dCodec(const Ping1dConfig& config)
+    : config_(limited(config)), parser_(ping1d_table()) {}
+
+bool Ping1dCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::Ping& ping) {
+  parser_.feed(byte, t_arrival_us);
+  return next(ping);
+}
+
+bool Ping1dCodec::next(base::Ping& ping) {
+  PingFrame frame{};
+  while (parser_.next(frame)) {
+    if (take(frame, ping)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+PingHeadCounters Ping1dCodec::counters() const {
+  PingHeadCounters all = counters_;
+  all.frames = parser_.counters();
+  return all;
+}
+
+void Ping1dCodec::restart() {
+  parser_.reset();
+  has_last_ = false;
+  begin_again();
+}
+
+// --- What arrives ---
+
+bool Ping1dCodec::take(const PingFrame& frame, base::Ping& ping) {
+  if (config_.device_id != 0 && frame.source != config_.device_id) {
+    ++counters_.wrong_device;
+    return false;
+  }
+  switch (frame.id) {
+    case kDistance:
+    case kProfile:
+      return take_measurement(frame, ping);
+    case kPingProtocolVersion:
+      std::memcpy(device_.protocol, frame.payload, sizeof device_.protocol);
+      if (step_ == Step::kVersion) {
+        advance();
+      }
+      return false;
+    case kPingDeviceInformation:
+      take_device(frame);
+      return false;
+    case kPingNack:
+      take_nack(frame);
+      return false;
+    default:
+      take_setting(frame);
+      return false;
+  }
+}
+
+// The checksum is weak: a measurement must also be one that the device could have made.
+bool Ping1dCodec::plausible(const PingFrame& frame) const {
+  const std::uint8_t* payload = frame.payload;
+  const std::int64_t scan_start_mm = read_u32_le(payload + 12);
+  const std::int64_t scan_length_mm = read_u32_le(payload + 16);
+  if (read_u16_le(payload + 4) > 100 || read_u32_le(payload + 20) > kMaxGain ||
+      scan_start_mm > kMaxScan_mm || scan_length_mm > kMaxScan_mm) {
+    return false;
+  }
+  if (!wants_bins(frame)) {
+    return true;
+  }
+  const std::int64_t samples = read_u16_le(payload + kFixed_bytes);
+  return samples > 0 && scan_length_mm > 0 && scan_length_mm <= samples * kMaxBin_mm;
+}
+
+bool Ping1dCodec::wants_bins(const PingFrame& frame) const {
+  return config_.profile && frame.id == kProfile;
+}
+
+bool Ping1dCodec::take_measurement(const PingFrame& frame, base::Ping& ping) {
+  if (!plausible(frame)) {
+    ++counters_.bad_values;
+    return false;
+  }
+  watch(frame);
+  const bool repeated = has_last_ && std::memcmp(last_.data(), frame.payload, kFixed_bytes) == 0;
+  std::memcpy(last_.data(), frame.payload, kFixed_bytes);
+  has_last_ = true;
+  if (repeated && config_.drop_repeats) {
+    ++counters_.repeats;
+    return false;
+  }
+
+  const std::int64_t frame_bytes = frame.payload_bytes + std::int64_t{kPingOverhead_bytes};
+  const std::int64_t scan_end_mm =
+      std::int64_t{read_u32_le(frame.payload + 12)} + std::int64_t{read_u32_le(frame.payload + 16)};
+  ping = base::Ping{};
+  ping.t_receive_us = frame.t_arrival_us - frame_bytes * config_.byte_time_ns / 1000;
+  ping.t_transmit_us = ping.t_receive_us - travel_us(scan_end_mm * 1000);
+  ping.azimuth_bam32 = config_.azimuth_bam32;
+  ping.elevation_bam32 = config_.elevation_bam32;
+  ping.mount = config_.mount;
+  ping.quality = 255;
+  if (wants_bins(frame)) {
+    take_profile(frame.payload, ping);
+  } else {
+    take_range(frame.payload, ping);
+  }
+  ++counters_.records;
+  return true;
+}
+
+void Ping1dCodec::take_range(const std::uint8_t* payload, base::Ping& ping) const {
+  const std::uint32_t confidence_percent = read_u16_le(payload + 4);
+  const std::uint32_t least_percent =
+      base::max_of<std::uint32_t>(config_.min_confidence_percent, 1);
+  const std::int64_t device_um = std::int64_t{read_u32_le(payload)} * 1000;
+  const std::int64_t range_um = scaled_um(device_um);
+  ping.kind = base::ReturnKind::kNoReturn;
+  if (range_um == 0 || confidence_percent < least_percent || range_um > config_.max_range_um) {
+    return;
+  }
+  if (range_um < config_.min_range_um) {
+    ping.quality = 0;
+    return;
+  }
+  ping.kind = base::ReturnKind::kRange;
+  ping.quality = static_cast<std::uint8_t>((confidence_percent * 255 + 50) / 100);
+  ping.range_um = range_um;
+  ping.t_receive_us = ping.t_transmit_us + travel_us(device_um);
+}
+
+void Ping1dCodec::take_profile(const std::uint8_t* payload, base::Ping& ping) {
+  const std::uint16_t samples = read_u16_le(payload + kFixed_bytes);
+  for (std::size_t i = 0; i < samples; ++i) {
+    intensity_[i] = payload[kFixed_bytes + 2 + i];
+  }
+  const std::int64_t start_um = scaled_um(std::int64_t{read_u32_le(payload + 12)} * 1000);
+  const std::int64_t length_um = scaled_um(std::int64_t{read_u32_le(payload + 16)} * 1000);
+  ping.kind = base::ReturnKind::kProfile;
+  ping.profile.intensity = intensity_.data();
+  ping.profile.bin_count = samples;
+  ping.profile.bin_um = static_cast<std::uint32_t>((length_um + samples / 2) / samples);
+  ping.profile.first_bin_um = start_um + (length_um + samples) / (2 * std::int64_t{samples});
+}
+
+void Ping1dCodec::watch(const PingFrame& frame) {
+  if (step_ != Step::kRun) {
+    return;
+  }
+  silences_ = 0;
+  exchange_.answered();
+  if (config_.poll_interval_us == 0) {
+    exchange_.sent(frame.t_arrival_us, timeout_us());  // the next one comes by itself
+  }
+  // A device that lost its settings shows it by counting from the start, or by its scan.
+  if (has_last_ && read_u32_le(frame.payload + 8) < read_u32_le(last_.data() + 8)) {
+    begin_again();
+    return;
+  }
+  const bool same = read_u32_le(frame.payload + 12) == scan_start_mm() &&
+                    read_u32_le(frame.payload + 16) == scan_length_mm();
+  mismatches_ = same || !range_held_ ? std::uint8_t{0} : static_cast<std::uint8_t>(mismatches_ + 1);
+  if (mismatches_ >= kMaxInARow) {
+    begin_again();
+  }
+}
+
+void Ping1dCodec::take_device(const PingFrame& frame) {
+  device_.device_type = frame.payload[0];
+  device_.device_revision = frame.payload[1];
+  std::memcpy(device_.firmware, frame.payload + 2, sizeof device_.firmware);
+  const bool ours = device_.device_type == static_cast<std::uint8_t>(PingDevice::kPing1d) ||
+                    device_.device_type == static_cast<std::uint8_t>(PingDevice::kUnknown);
+  if (!ours) {
+    // Left unanswered: asked again after the time-out, in case somebody plugs in the right one.
+    ++counters_.wrong_device;
+    return;
+  }
+  if (step_ == Step::kDevice) {
+    advance();
+  }
+}
+
+void Ping1dCodec::take_nack(const PingFrame& frame) {
+  ++counters_.nacks;
+  // Old firmware does not know every question; settings show by their read-back.
+  const std::uint16_t id = read_u16_le(frame.payload);
+  const bool refused_question =
+      (step_ == Step::kVersion && (id == kPingProtocolVersion || id == kPingGeneralRequest)) ||
+      (step_ == Step::kDevice && (id == kPingDeviceInformation || id == kPingGeneralRequest));
+  if (refused_question) {
+    advance();
+  }
+}
+
+void Ping1dCodec::take_setting(const PingFrame& frame) {
+  if (step_ < Step::kManual || step_ > Step::kStart) {
+    return;
+  }
+  const Setting wanted = setting();
+  if (frame.id != wanted.read_id) {
+    return;
+  }
+  if (std::memcmp(frame.payload, wanted.value, wanted.read_bytes) == 0) {
+    range_held_ = range_held_ || step_ == Step::kRange;
+    advance();
+    return;
+  }
+  ++tries_;
+  exchange_.answered();
+  if (tries_ >= kMaxTries) {
+    ++counters_.refused_settings;
+    advance();
+  }
+}
+
+// --- What is asked ---
+
+void Ping1dCodec::advance() {
+  step_ = static_cast<Step>(static_cast<std::uint8_t>(step_) + 1);
+  tries_ = 0;
+  silences_ = 0;
+  mismatches_ = 0;
+  exchange_.answered();
+}
+
+void Ping1dCodec::begin_again() {
+  ++counters_.restarts;
+  step_ = Step::kVersion;
+  tries_ = 0;
+  silences_ = 0;
+  mismatches_ = 0;
+  range_held_ = false;
+  exchange_.answered();
+}
+
+void Ping1dCodec::give_up() {
+  ++counters_.timeouts;
+  if (step_ == Step::kVersion) {
+    return;  // nobody there: there is nothing to begin again
+  }
+  ++silences_;
+  if (silences_ >= kMaxInARow) {
+    begin_again();
+  }
+}
+
+bool Ping1dCodec::due(base::TimeUs now_us) {
+  const std::int64_t interval_us = config_.poll_interval_us;
+  if (step_ != Step::kRun || interval_us == 0) {
+    return true;
+  }
+  const std::int64_t wait_us = next_poll_us_ - now_us;
+  if (wait_us > interval_us || wait_us <= -interval_us) {
+    next_poll_us_ = now_us;  // late by a whole poll, or time went back: no burst, no silence
+  }
+  return now_us >= next_poll_us_;
+}
+
+std::size_t Ping1dCodec::request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity) {
+  if (exchange_.gave_up(now_us)) {
+    give_up();
+  }
+  if (exchange_.waiting() || capacity < kMaxRequest_bytes || !due(now_us)) {
+    return 0;
+  }
+  exchange_.sent(now_us, timeout_us());
+  if (step_ == Step::kRun) {
+    next_poll_us_ += config_.poll_interval_us;
+  }
+  return write_step(out, capacity);
+}
+
+std::int64_t Ping1dCodec::timeout_us() const {
+  // Two pings: the one under way and the one that was asked for.
+  return kTimeout_us + config_.poll_interval_us + 2 * travel_us(config_.max_range_um);
+}
+
+std::uint32_t Ping1dCodec::scan_start_mm() const {
+  return static_cast<std::uint32_t>(config_.min_range_um * kPing1dSoundSpeed_mm_s /
+                                    config_.sound_speed_mm_s / 1000);
+}
+
+std::uint32_t Ping1dCodec::scan_length_mm() const {
+  const std::int64_t end_um =
+      config_.max_range_um * kPing1dSoundSpeed_mm_s / config_.sound_speed_mm_s;
+  const std::int64_t end_mm = (end_um + 999) / 1000;
+  return static_cast<std::uint32_t>(
+      base::clamp(end_mm - std::int64_t{scan_start_mm()}, kMinScan_mm, kMaxScan_mm));
+}
+
+Ping1dCodec::Setting Ping1dCodec::setting() const {
+  switch (step_) {
+    case Step::kManual:
+      return {kSetModeAuto, kModeAuto, 1, 1, {}};
+    case Step::kRange: {
+      Setting range{kSetRange, kRange, 8, 8, {}};
+      write_u32_le(range.value, scan_start_mm());
+      write_u32_le(range.value + 4, scan_length_mm());
+      return range;
+    }
+    case Step::kSoundSpeed: {
+      Setting speed{kSetSpeedOfSound, kSpeedOfSound, 4, 4, {}};
+      write_u32_le(speed.value, kPing1dSoundSpeed_mm_s);
+      return speed;
+    }
+    case Step::kInterval: {
+      Setting interval{kSetPingInterval, kPingInterval, 2, 2, {}};
+      write_u16_le(interval.value, static_cast<std::uint16_t>(base::clamp<std::int64_t>(
+                                       config_.poll_interval_us / 1000, kMinInterval_ms, 0xFFFF)));
+      return interval;
+    }
+    case Step::kGain:
+      return {kSetGain, kGain, 1, 4, {config_.gain_setting}};
+    case Step::kStart:
+      return {kSetPingEnable, kPingEnable, 1, 1, {1}};
+    case Step::kVersion:
+    case Step::kDevice:
+    case Step::kRun:
+      break;
+  }
+  return {};
+}
+
+std::size_t Ping1dCodec::write_step(std::uint8_t* out, std::size_t capacity) const {
+  const std::uint8_t device_id = config_.device_id;
+  std::uint8_t payload[2];
+  write_u16_le(payload, kProfile);
+  std::size_t size = 0;
+  switch (step_) {
+    case Step::kVersion:
+      // An earlier host may have left it streaming.
+      size =
+          write_ping_frame(kContinuousStop, 0, device_id, payload, sizeof payload, out, capacity);
+      return size +
+             write_general_request(kPingProtocolVersion, device_id, out + size, capacity - size);
+    case Step::kDevice:
+      return write_general_request(kPingDeviceInformation, device_id, out, capacity);
+    case Step::kRun:
+      if (config_.poll_interval_us == 0) {
+        return write_ping_frame(kContinuousStart, 0, device_id, payload, sizeof payload, out,
+                                capacity);
+      }
+      return write_general_request(config_.profile ? kProfile : kDistance, device_id, out,
+                                   capacity);
+    case Step::kManual:
+    case Step::kRange:
+    case Step::kSoundSpeed:
+    case Step::kInterval:
+    case Step::kGain:
+    case Step::kStart:
+      break;
+  }
+  const Setting wanted = setting();
+  size =
+      write_ping_frame(wanted.set_id, 0, device_id, wanted.value, wanted.set_bytes, out, capacity);
+  return size + write_general_request(wanted.read_id, device_id, out + size, capacity - size);
+}
+
+std::int64_t Ping1dCodec::scaled_um(std::int64_t device_um) const {
+  return (device_um * config_.sound_speed_mm_s + kPing1dSoundSpeed_mm_s / 2) /
+         kPing1dSoundSpeed_mm_s;
+}
+
+}  // namespace leadline::hal
