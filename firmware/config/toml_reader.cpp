@@ -146,9 +146,8 @@ std::string element_name(const char* key, std::size_t axis) {
 }
 
 bool has_control_characters(const std::string& text) {
-  return std::any_of(text.begin(), text.end(), [](char c) {
-    return static_cast<unsigned char>(c) < 0x20U || c == 0x7F;
-  });
+  return std::any_of(text.begin(), text.end(),
+                     [](char c) { return static_cast<unsigned char>(c) < 0x20U || c == 0x7F; });
 }
 
 bool knows(const KnownTable& table, const std::string& key) {
@@ -406,8 +405,7 @@ void TomlReader::read_schema_version(std::int64_t version) {
   }
   const auto* const integer = node->as_integer();
   if (integer == nullptr || integer->get() != version) {
-    root().refuse("schema_version",
-                  "this program reads schema version " + std::to_string(version));
+    root().refuse("schema_version", "this program reads schema version " + std::to_string(version));
   }
 }
 

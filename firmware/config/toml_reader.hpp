@@ -155,8 +155,8 @@ class TomlReader {
 struct ConfigEntry {
   std::string table;  ///< "" for the top level
   std::string key;
-  std::string value;      ///< as TOML and as JSON
-  int element = -1;       ///< number in a [[table]], -1 for a [table]
+  std::string value;  ///< as TOML and as JSON
+  int element = -1;   ///< number in a [[table]], -1 for a [table]
 };
 [[nodiscard]] std::string entries_to_toml(const std::vector<ConfigEntry>& entries);
 /// One JSON object: tables are objects, [[tables]] arrays of objects.

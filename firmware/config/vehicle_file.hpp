@@ -31,15 +31,15 @@ struct LogConfig {
 /// A vehicle.toml after checking.
 struct VehicleFile {
   firmware::VehicleConfig config{};
-  std::string survey_name;  ///< [survey] name; at most 64 bytes, default ""
-  std::vector<hal::UriSpec> port_uris;   ///< parallel to config.ports
+  std::string survey_name;              ///< [survey] name; at most 64 bytes, default ""
+  std::vector<hal::UriSpec> port_uris;  ///< parallel to config.ports
   hal::UriSpec link_uri;
   std::vector<std::string> mount_names;  ///< parallel to config.mounts
   std::vector<std::string> table_paths;  ///< parallel to table numbers; resolved
   LogConfig log;
-  std::int32_t cycle_us = 20'000;   ///< [cycle] period_ms; 1 .. 1000, default 20
-  FrameConfig frame;                ///< for the topside; part of it is in config as well
-  GridConfig grid;                  ///< as written
+  std::int32_t cycle_us = 20'000;  ///< [cycle] period_ms; 1 .. 1000, default 20
+  FrameConfig frame;               ///< for the topside; part of it is in config as well
+  GridConfig grid;                 ///< as written
   SonarRanges ranges;
   NavigationSigmas sigmas;
   ModelConfig model;

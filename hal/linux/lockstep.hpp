@@ -32,11 +32,11 @@ struct LockstepCounts {
 
 enum class LockstepStatus : std::uint8_t {
   kOk = 0,
-  kTimeout = 1,    ///< nothing (whole) came in time
-  kPeerGone = 2,   ///< closed, or reset
-  kProtocol = 3,   ///< bytes that are no message, time or counts that go back
-  kFinished = 4,   ///< the emulator has said finish()
-  kSystem = 5,     ///< a system call failed: see error()
+  kTimeout = 1,   ///< nothing (whole) came in time
+  kPeerGone = 2,  ///< closed, or reset
+  kProtocol = 3,  ///< bytes that are no message, time or counts that go back
+  kFinished = 4,  ///< the emulator has said finish()
+  kSystem = 5,    ///< a system call failed: see error()
 };
 [[nodiscard]] const char* lockstep_status_text(LockstepStatus status);
 

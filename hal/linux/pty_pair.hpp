@@ -12,7 +12,7 @@ namespace leadline::hal {
 /// Host code: the constructor allocates and throws nothing; check error(). One owner.
 class PtyPair {
  public:
-  /// `link_path`: symbolic link to the device, replaced when there; "" = none.
+  /// `link_path`: symbolic link to the device, replaces a link that is there; "" = none.
   explicit PtyPair(std::string link_path = "");
   ~PtyPair();
   PtyPair(const PtyPair&) = delete;

@@ -16,8 +16,8 @@ constexpr std::array<std::pair<std::string_view, UriScheme>, 4> kSchemes = {{
 }};
 /// Rates that termios has a constant for, from the slowest that anything here makes sense at.
 constexpr std::array<std::uint32_t, 22> kBauds = {
-    1200,    1800,    2400,    4800,      9600,      19'200,    38'400,    57'600,
-    115'200, 230'400, 460'800, 500'000,   576'000,   921'600,   1'000'000, 1'152'000,
+    1200,      1800,      2400,      4800,      9600,      19'200,   38'400,    57'600,
+    115'200,   230'400,   460'800,   500'000,   576'000,   921'600,  1'000'000, 1'152'000,
     1'500'000, 2'000'000, 2'500'000, 3'000'000, 3'500'000, 4'000'000};
 
 bool all_digits(std::string_view text) {

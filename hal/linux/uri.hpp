@@ -27,8 +27,8 @@ struct UriSpec {
   bool listen = false;           ///< kUdp, kTcp: '@'
   std::string path;              ///< kSerial, kFile
   std::uint32_t baud = 115'200;  ///< kSerial: one of the rates termios knows, 1200 .. 4,000,000
-  std::string host;              ///< kUdp, kTcp: without brackets; empty (listening only): every address
-  std::uint16_t port = 0;        ///< kUdp, kTcp: 1 .. 65535, listening also 0: any free one
+  std::string host;        ///< kUdp, kTcp: without brackets; empty (listening only): every address
+  std::uint16_t port = 0;  ///< kUdp, kTcp: 1 .. 65535, listening also 0: any free one
 };
 
 /// A specification, or what is wrong with the text: a sentence that quotes it and says what is needed.

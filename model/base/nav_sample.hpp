@@ -11,20 +11,21 @@ namespace leadline::base {
 
 /// Bits of NavSample::fields: what the sample carries. Everything else in it is zero.
 enum NavField : std::uint16_t {
-  kNavRollPitch = 1U << 0U,   ///< attitude.roll_bam32, attitude.pitch_bam32
-  kNavHeading = 1U << 1U,     ///< attitude.heading_bam32, true north
-  kNavHeadingMagnetic = 1U << 2U,  ///< attitude.heading_bam32, magnetic: the consumer adds variation
-  kNavGeodetic = 1U << 3U,    ///< latitude_e9deg, longitude_e9deg
-  kNavPressure = 1U << 4U,    ///< pressure_pa, absolute
-  kNavDepth = 1U << 5U,       ///< depth_um below the surface
+  kNavRollPitch = 1U << 0U,  ///< attitude.roll_bam32, attitude.pitch_bam32
+  kNavHeading = 1U << 1U,    ///< attitude.heading_bam32, true north
+  kNavHeadingMagnetic =
+      1U << 2U,                  ///< attitude.heading_bam32, magnetic: the consumer adds variation
+  kNavGeodetic = 1U << 3U,       ///< latitude_e9deg, longitude_e9deg
+  kNavPressure = 1U << 4U,       ///< pressure_pa, absolute
+  kNavDepth = 1U << 5U,          ///< depth_um below the surface
   kNavVelocityBody = 1U << 6U,   ///< velocity_um_s, FRD
   kNavVelocityWorld = 1U << 7U,  ///< velocity_um_s, NED
-  kNavAltitude = 1U << 8U,    ///< altitude_um above the bottom
-  kNavUtc = 1U << 9U,         ///< utc_us
+  kNavAltitude = 1U << 8U,       ///< altitude_um above the bottom
+  kNavUtc = 1U << 9U,            ///< utc_us
 };
 
 struct NavSample {
-  TimeUs t_us;  ///< instant that the sample speaks of: arrival less the sensor's latency
+  TimeUs t_us;           ///< instant that the sample speaks of: arrival less the sensor's latency
   std::uint16_t fields;  ///< NavField bits
   std::uint8_t quality;  ///< 0 = unusable .. 255 = best; a sensor without a measure reports 255
   std::uint8_t reserved;
@@ -32,8 +33,8 @@ struct NavSample {
   /// One sigma, as the sensor states it; 0 = not stated (the configuration's value holds).
   std::uint32_t sigma_attitude_urad[3];  ///< roll, pitch, heading
   std::uint32_t sigma_position_mm;       ///< horizontal (kNavGeodetic)
-  std::int64_t latitude_e9deg;   ///< +-90e9
-  std::int64_t longitude_e9deg;  ///< +-180e9
+  std::int64_t latitude_e9deg;           ///< +-90e9
+  std::int64_t longitude_e9deg;          ///< +-180e9
   std::int64_t pressure_pa;
   std::int64_t depth_um;
   std::int64_t altitude_um;

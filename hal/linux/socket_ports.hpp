@@ -1,0 +1,106 @@
+// UDP and TCP as byte ports. Inside of hal/linux; users take linux_port.hpp.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include "hal/linux/stream_port.hpp"
+
+namespace leadline::hal {
+
+/// A resolved address: nothing is looked up after start-up.
+struct SocketAddress {
+  sockaddr_storage storage{};
+  socklen_t size = 0;
+
+  [[nodiscard]] const sockaddr* get() const {
+    return reinterpret_cast<const sockaddr*>(&storage);  // how the sockets API wants it
+  }
+  [[nodiscard]] sockaddr* get() { return reinterpret_cast<sockaddr*>(&storage); }
+};
+
+/// First address of the specification. Returns "" or what is wrong. May block (names).
+[[nodiscard]] std::string resolve(const UriSpec& spec, SocketAddress* address);
+
+/// Datagrams: to one peer, or bound and answering whoever sent last. Refusals (nobody listens there
+/// yet) are counted as errors, and the port stays open.
+class UdpPort final : public LinuxPort {
+ public:
+  UdpPort(const SocketAddress& address, bool listen);
+  ~UdpPort() override;
+
+  std::size_t read(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity,
+                   base::TimeUs& t_arrival_us) override;
+  std::size_t write(const std::uint8_t* data, std::size_t size) override;
+  void service(base::TimeUs now_us) override;
+  [[nodiscard]] PortState state() const override {
+    return fd_ >= 0 ? PortState::kOpen : PortState::kClosed;
+  }
+  [[nodiscard]] const PortCounters& counters() const override { return counters_; }
+  [[nodiscard]] std::size_t write_room() const override;
+  [[nodiscard]] std::size_t pending_out_bytes() const override { return 0; }
+  [[nodiscard]] int poll_fd() const override { return fd_; }
+  [[nodiscard]] short poll_events() const override;
+  [[nodiscard]] int last_errno() const override { return errno_; }
+  [[nodiscard]] std::uint32_t kernel_drops() const override { return kernel_drops_; }
+  [[nodiscard]] std::uint16_t local_port() const override;
+
+ private:
+  static constexpr std::size_t kLargest_bytes = 65'507;
+
+  [[nodiscard]] bool open_now();
+  void note_error(int number);
+  [[nodiscard]] long receive(std::uint8_t* out, std::size_t capacity);
+
+  SocketAddress address_;
+  bool listen_;
+  bool has_peer_;
+  SocketAddress peer_;
+  int fd_ = -1;
+  int errno_ = 0;
+  std::uint32_t kernel_drops_ = 0;
+  Backoff backoff_;
+  PortCounters counters_{};
+};
+
+/// One connection, made by this side.
+class TcpClientPort final : public StreamPort {
+ public:
+  explicit TcpClientPort(const SocketAddress& address) : address_(address) {}
+
+ private:
+  static constexpr base::TimeUs kConnect_us = 5'000'000;
+
+  OpenResult open_now() override;
+  OpenResult check_pending(base::TimeUs now_us) override;
+  long write_some(const std::uint8_t* data, std::size_t size) override;
+
+  SocketAddress address_;
+  base::TimeUs started_us_ = 0;
+};
+
+/// One connection, made by the other side; the newest wins.
+class TcpServerPort final : public StreamPort {
+ public:
+  explicit TcpServerPort(const SocketAddress& address) : address_(address) {}
+  ~TcpServerPort() override;
+
+  /// Errno of what keeps it from listening, 0 when it does.
+  [[nodiscard]] int listen_now();
+  void service(base::TimeUs now_us) override;
+  [[nodiscard]] int poll_fd() const override { return fd_ >= 0 ? fd_ : listen_fd_; }
+  [[nodiscard]] short poll_events() const override;
+  [[nodiscard]] std::uint16_t local_port() const override;
+
+ private:
+  OpenResult open_now() override;
+  long write_some(const std::uint8_t* data, std::size_t size) override;
+
+  SocketAddress address_;
+  int listen_fd_ = -1;
+};
+
+}  // namespace leadline::hal
