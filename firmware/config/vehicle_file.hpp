@@ -37,9 +37,10 @@ struct VehicleFile {
   std::vector<std::string> mount_names;  ///< parallel to config.mounts
   std::vector<std::string> table_paths;  ///< parallel to table numbers; resolved
   LogConfig log;
-  std::int32_t cycle_us = 20'000;  ///< [cycle] period_ms; 1 .. 1000, default 20
-  FrameConfig frame;               ///< for the topside; part of it is in config as well
-  GridConfig grid;                 ///< as written
+  std::int32_t cycle_us = 20'000;       ///< [cycle] period_ms; 1 .. 1000, default 20
+  std::uint32_t ping_voxel_budget = 0;  ///< [cycle]; config.model.work_budget_voxels
+  FrameConfig frame;                    ///< for the topside; part of it is in config as well
+  GridConfig grid;                      ///< as written
   SonarRanges ranges;
   NavigationSigmas sigmas;
   ModelConfig model;
@@ -60,5 +61,8 @@ struct VehicleFile {
 [[nodiscard]] std::vector<model::LocalizationTable> load_tables(const VehicleFile& file);
 
 [[nodiscard]] const char* driver_name(firmware::Driver driver);
+
+/// firmware/vehicle.example.toml, built in.
+[[nodiscard]] const char* vehicle_example();
 
 }  // namespace leadline::host

@@ -1,0 +1,607 @@
+#include "firmware/config/vehicle_file.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+#include "firmware/config/exit_codes.hpp"
+#include "firmware/config/table_file.hpp"
+#include "firmware/config/text.hpp"
+
+namespace leadline::host {
+namespace {
+
+using firmware::Driver;
+using firmware::MountConfig;
+using firmware::PortConfig;
+
+constexpr std::array<const char*, 3> kDriverNames = {"ping1d", "ping360", "nmea"};
+constexpr double kBamPerDegree = 4294967296.0 / 360.0;
+constexpr double kUradPerDegree = 3.14159265358979323846 / 180.0 * 1e6;
+
+std::vector<KnownTable> known_tables() {
+  std::vector<std::string> navigation = navigation_sigma_keys();
+  for (const char* const key :
+       {"magnetic_variation_deg", "surface_pressure_pa", "water_density_kg_m3", "gravity_m_s2",
+        "sigma_fix_mm", "sigma_depth_mm", "sigma_attitude_deg", "sigma_heading_deg",
+        "acceleration_mm_s2", "angular_acceleration_deg_s2", "max_gap_ms", "max_wait_ms"}) {
+    navigation.emplace_back(key);
+  }
+  return {
+      {"",
+       {"schema_version", "survey", "grid", "sonar", "navigation", "model", "frame", "cycle",
+        "mount", "port", "link", "log"},
+       false},
+      {"survey", {"id", "name"}, false},
+      {"grid", grid_keys(), false},
+      {"sonar", sonar_range_keys(), false},
+      {"navigation", navigation, false},
+      {"model", model_keys(), false},
+      {"frame", frame_keys(), false},
+      {"cycle", {"period_ms", "voxel_budget", "tile_budget", "ping_voxel_budget"}, false},
+      {"mount", {"name", "lever_arm_mm", "boresight_deg", "table"}, true},
+      {"port",
+       {"uri", "driver", "mount", "latency_ms", "interval_ms", "min_range_mm", "max_range_mm",
+        "profile", "scan_first_grad", "scan_last_grad", "scan_step_grad"},
+       true},
+      {"link",
+       {"uri", "rate_bytes_s", "baud", "mtu_bytes", "status_interval_s", "hello_interval_s"},
+       false},
+      {"log", {"path", "max_bytes"}, false},
+  };
+}
+
+/// A decimal in the file's unit, `scale` integer units each.
+void read_scaled(const TomlSection& section, const char* key, const Limits& limits, double scale,
+                 std::int32_t* value) {
+  double number = 0;
+  if (section.read_number(key, limits, &number)) {
+    *value = static_cast<std::int32_t>(std::llround(number * scale));
+  }
+}
+
+template <typename T>
+void read_whole(const TomlSection& section, const char* key, const Limits& limits, T* value) {
+  std::int64_t number = 0;
+  if (section.read_integer(key, limits, &number)) {
+    *value = static_cast<T>(number);
+  }
+}
+
+base::Bam32 bam32_of(double degrees) {
+  return static_cast<base::Bam32>(std::llround(degrees * kBamPerDegree));
+}
+
+double degrees_of(base::Bam32 angle) { return static_cast<std::int32_t>(angle) / kBamPerDegree; }
+
+/// Default beside the field it belongs to: what stands in the example file.
+void set_defaults(VehicleFile* file) {
+  firmware::VehicleConfig& config = file->config;
+  config.schema_version = firmware::kVehicleConfigSchemaVersion;
+  config.survey_id = 1;
+  config.cycle_tile_budget = 16;
+  firmware::NavigationConfig& navigation = config.navigation;
+  navigation.surface_pressure_pa = 101'325;
+  navigation.water_density_g_m3 = 1'029'000;
+  navigation.gravity_um_s2 = 9'806'650;
+  navigation.sigma_fix_mm = 1500;
+  navigation.sigma_depth_mm = 50;
+  navigation.sigma_attitude_urad = 3491;
+  navigation.sigma_heading_urad = 34'907;
+  navigation.acceleration_mm_s2 = 200;
+  navigation.angular_acceleration_urad_s2 = 174'533;
+  navigation.max_gap_us = 1'000'000;
+  navigation.max_wait_us = 500'000;
+  config.link.rate_bytes_s = 125'000;
+  config.link.mtu_bytes = 1200;
+  config.link.status_interval_us = 1'000'000;
+  config.link.hello_interval_us = 10'000'000;
+}
+
+void read_survey(TomlReader* reader, VehicleFile* file) {
+  const TomlSection section = reader->section("survey");
+  read_whole(section, "id", {0, 9'007'199'254'740'991}, &file->config.survey_id);
+  section.read_text("name", 64, &file->survey_name);
+}
+
+/// The limits of the codecs are tighter than map.toml's: water only.
+void check_sound_speed(TomlReader* reader, const SonarRanges& ranges) {
+  const TomlSection section = reader->section("sonar");
+  if (section.has("sound_speed_mm_s") &&
+      !Limits(1'300'000, 1'700'000).contain(static_cast<double>(ranges.sound_speed_mm_s))) {
+    section.refuse("sound_speed_mm_s", "has to be 1300000 to 1700000: heads work in water");
+  }
+}
+
+void read_navigation(TomlReader* reader, VehicleFile* file) {
+  read_navigation_sigmas(reader, &file->sigmas);
+  const TomlSection section = reader->section("navigation");
+  firmware::NavigationConfig& navigation = file->config.navigation;
+  double variation_deg = 0;
+  if (section.read_number("magnetic_variation_deg", {-180, 180}, &variation_deg)) {
+    navigation.magnetic_variation_bam32 =
+        static_cast<std::int32_t>(bam32_of(variation_deg));  // -180 and 180 are the same angle
+  }
+  read_whole(section, "surface_pressure_pa", {0, 200'000}, &navigation.surface_pressure_pa);
+  read_scaled(section, "water_density_kg_m3", {900, 1300}, 1e3, &navigation.water_density_g_m3);
+  read_scaled(section, "gravity_m_s2", {9, 10}, 1e6, &navigation.gravity_um_s2);
+  read_whole(section, "sigma_fix_mm", {1, 1'000'000}, &navigation.sigma_fix_mm);
+  read_whole(section, "sigma_depth_mm", {1, 100'000}, &navigation.sigma_depth_mm);
+  const auto read_angle = [&](const char* key, const Limits& limits, std::int32_t* urad) {
+    read_scaled(section, key, limits, kUradPerDegree, urad);
+    *urad = std::max(*urad, 1);
+  };
+  read_angle("sigma_attitude_deg", {0, 45, true}, &navigation.sigma_attitude_urad);
+  read_angle("sigma_heading_deg", {0, 90, true}, &navigation.sigma_heading_urad);
+  read_whole(section, "acceleration_mm_s2", {1, 100'000}, &navigation.acceleration_mm_s2);
+  read_angle("angular_acceleration_deg_s2", {0, 3600, true},
+             &navigation.angular_acceleration_urad_s2);
+  read_scaled(section, "max_gap_ms", {1, 60'000}, 1e3, &navigation.max_gap_us);
+  read_scaled(section, "max_wait_ms", {0, 10'000}, 1e3, &navigation.max_wait_us);
+}
+
+void read_frame_of_vehicle(TomlReader* reader, VehicleFile* file) {
+  file->frame = read_frame(reader);
+  const FrameConfig& frame = file->frame;
+  file->config.epsg = frame.epsg.value_or(0);
+  if (!frame.lat_deg || !frame.lon_deg) {
+    return;
+  }
+  firmware::NavigationConfig& navigation = file->config.navigation;
+  const double lon_deg = *frame.lon_deg > 180 ? *frame.lon_deg - 360 : *frame.lon_deg;
+  navigation.has_origin = 1;
+  navigation.origin_latitude_e9deg = std::llround(*frame.lat_deg * 1e9);
+  navigation.origin_longitude_e9deg = std::llround(lon_deg * 1e9);
+}
+
+void read_cycle(TomlReader* reader, VehicleFile* file) {
+  const TomlSection section = reader->section("cycle");
+  constexpr double kVoxels = 16'777'216;
+  read_scaled(section, "period_ms", {1, 1000}, 1e3, &file->cycle_us);
+  read_whole(section, "voxel_budget", {0, kVoxels}, &file->config.cycle_voxel_budget);
+  read_whole(section, "tile_budget", {1, 4096}, &file->config.cycle_tile_budget);
+  read_whole(section, "ping_voxel_budget", {0, kVoxels}, &file->ping_voxel_budget);
+}
+
+/// Number of a table's path, which is added when it is new.
+std::uint8_t table_number(const std::string& path, std::vector<std::string>* paths) {
+  const auto known = std::find(paths->begin(), paths->end(), path);
+  const auto number = static_cast<std::uint8_t>(known - paths->begin());
+  if (known == paths->end()) {
+    paths->push_back(path);
+  }
+  return number;
+}
+
+void read_mount(const TomlSection& section, const std::string& base_dir, VehicleFile* file) {
+  MountConfig mount{};
+  std::string name;
+  if (!section.has("name")) {
+    section.find_missing("name is missing");
+  } else if (section.read_text("name", 32, &name)) {
+    const auto& names = file->mount_names;
+    if (name.empty() || std::find(names.begin(), names.end(), name) != names.end()) {
+      section.refuse("name", "every mount has a name of its own");
+    }
+  }
+  const Limits arm_mm = {-100'000, 100'000};
+  std::int64_t lever_arm_mm[3] = {0, 0, 0};
+  section.read_integers("lever_arm_mm", {arm_mm, arm_mm, arm_mm}, lever_arm_mm,
+                        "[forward, right, down]");
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    mount.lever_arm_mm[axis] = static_cast<std::int32_t>(lever_arm_mm[axis]);
+  }
+  double boresight_deg[3] = {0, 0, 0};
+  section.read_numbers("boresight_deg", {-360, 360}, boresight_deg, "[roll, pitch, heading]");
+  mount.boresight = {bam32_of(boresight_deg[0]), bam32_of(boresight_deg[1]),
+                     bam32_of(boresight_deg[2])};
+  std::string table;
+  if (!section.has("table")) {
+    section.find_missing("table is missing: the beam, made by `leadline table`");
+  } else if (section.read_path("table", base_dir, &table)) {
+    mount.table = table_number(table, &file->table_paths);
+    if (mount.table != 0) {
+      section.refuse("table", "one table for all mounts so far; the first is " +
+                                  printable(file->table_paths.front(), 200));
+    }
+  }
+  file->config.mounts[file->mount_names.size()] = mount;
+  file->mount_names.push_back(name);
+}
+
+/// How many of a [[table]] there are; too many and none are findings.
+bool check_count(TomlReader* reader, const char* name, std::size_t count, int most) {
+  if (count > static_cast<std::size_t>(most)) {
+    reader->find_missing("[[" + std::string(name) + "]]: " + std::to_string(count) +
+                         " of them, at most " + std::to_string(most) + " are possible");
+    return false;
+  }
+  const bool other =
+      count == 0 && reader->root().has(name);  // no [[table]]: found by the check of keys
+  if (count == 0 && !other) {
+    reader->find_missing("a table [[" + std::string(name) + "]] is missing");
+  }
+  return count > 0;
+}
+
+void read_mounts(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
+  const std::vector<TomlSection> sections = reader->sections("mount");
+  if (!check_count(reader, "mount", sections.size(), firmware::kMaxMounts)) {
+    return;
+  }
+  for (const TomlSection& section : sections) {
+    read_mount(section, base_dir, file);
+  }
+  file->config.mount_count = static_cast<std::uint16_t>(sections.size());
+  file->config.table_count = static_cast<std::uint16_t>(file->table_paths.size());
+}
+
+bool read_uri(const TomlSection& section, hal::UriSpec* spec) {
+  std::string text;
+  if (!section.has("uri")) {
+    section.find_missing("uri is missing");
+    return false;
+  }
+  if (!section.read_text("uri", 512, &text)) {
+    return false;
+  }
+  hal::UriResult result = hal::parse_uri(text);
+  if (!result.ok()) {
+    section.find("uri", "uri = " + printable(result.error, 400));
+    return false;
+  }
+  *spec = std::move(result.spec);
+  return true;
+}
+
+void read_port_mount(const TomlSection& section, const VehicleFile& file, PortConfig* port) {
+  const auto& names = file.mount_names;
+  if (!section.has("mount")) {
+    if (names.size() > 1) {
+      section.find_missing("mount is missing: which of them carries this head");
+    }
+    return;
+  }
+  std::string name;
+  if (!section.read_text("mount", 32, &name)) {
+    return;
+  }
+  const auto known = std::find(names.begin(), names.end(), name);
+  if (known == names.end()) {
+    const std::string near = closest_name(name, names);
+    section.refuse("mount", "there is no [[mount]] of that name" +
+                                (near.empty() ? "" : "; did you mean \"" + near + "\"?"));
+    return;
+  }
+  port->mount = static_cast<std::uint8_t>(known - names.begin());
+}
+
+void read_port_range(const TomlSection& section, const SonarRanges& ranges, PortConfig* port) {
+  constexpr auto kRange_mm = static_cast<double>(base::kMaxRange_um / 1000);
+  std::int64_t min_mm = ranges.min_range_mm;
+  std::int64_t max_mm = ranges.max_range_mm;
+  section.read_integer("min_range_mm", {0, kRange_mm}, &min_mm);
+  section.read_integer("max_range_mm", {1, kRange_mm}, &max_mm);
+  if (min_mm >= max_mm && (section.has("min_range_mm") || section.has("max_range_mm"))) {
+    section.find(section.has("min_range_mm") ? "min_range_mm" : "max_range_mm",
+                 "min_range_mm = " + std::to_string(min_mm) +
+                     " has to be below max_range_mm = " + std::to_string(max_mm));
+  }
+  port->min_range_um = min_mm * 1000;
+  port->max_range_um = max_mm * 1000;
+}
+
+void read_scan(const TomlSection& section, PortConfig* port) {
+  port->scan_last_grad = 399;
+  port->scan_step_grad = 1;
+  read_whole(section, "scan_first_grad", {0, 399}, &port->scan_first_grad);
+  read_whole(section, "scan_last_grad", {0, 399}, &port->scan_last_grad);
+  read_whole(section, "scan_step_grad", {1, 10}, &port->scan_step_grad);
+}
+
+/// Keys that say nothing to this driver are mistakes of whoever wrote them.
+void refuse_foreign_keys(const TomlSection& section, Driver driver) {
+  const auto refuse = [&](const char* key, bool allowed) {
+    if (!allowed && section.has(key)) {
+      section.refuse(key, std::string("driver \"") + driver_name(driver) + "\" has no such key");
+    }
+  };
+  const bool head = driver != Driver::kNmea;
+  for (const char* const key : {"mount", "interval_ms", "min_range_mm", "max_range_mm"}) {
+    refuse(key, head);
+  }
+  refuse("profile", driver == Driver::kPing1d);
+  for (const char* const key : {"scan_first_grad", "scan_last_grad", "scan_step_grad"}) {
+    refuse(key, driver == Driver::kPing360);
+  }
+}
+
+void read_port(const TomlSection& section, VehicleFile* file) {
+  PortConfig port{};
+  hal::UriSpec uri;
+  read_uri(section, &uri);
+  if (!section.has("driver")) {
+    section.find_missing("driver is missing: \"ping1d\", \"ping360\" or \"nmea\"");
+  }
+  const std::size_t driver = section.read_choice("driver", kDriverNames, kDriverNames.size());
+  if (driver < kDriverNames.size()) {
+    port.driver = static_cast<Driver>(driver + 1);
+    refuse_foreign_keys(section, port.driver);
+  }
+  read_scaled(section, "latency_ms", {-1000, 10'000}, 1e3, &port.latency_us);
+  if (port.driver == Driver::kPing1d || port.driver == Driver::kPing360) {
+    read_port_mount(section, *file, &port);
+    read_port_range(section, file->ranges, &port);
+    port.ping_interval_us = port.driver == Driver::kPing1d ? 100'000 : 0;
+    read_scaled(section, "interval_ms", {0, 60'000}, 1e3, &port.ping_interval_us);
+    bool profile = port.driver == Driver::kPing360;
+    section.read_bool("profile", &profile);
+    port.profile = profile ? 1 : 0;
+  }
+  if (port.driver == Driver::kPing360) {
+    read_scan(section, &port);
+  }
+  file->config.ports[file->port_uris.size()] = port;
+  file->port_uris.push_back(std::move(uri));
+}
+
+void read_ports(TomlReader* reader, VehicleFile* file) {
+  const std::vector<TomlSection> sections = reader->sections("port");
+  if (!check_count(reader, "port", sections.size(), firmware::kMaxPorts)) {
+    return;
+  }
+  for (const TomlSection& section : sections) {
+    read_port(section, file);
+  }
+  file->config.port_count = static_cast<std::uint16_t>(sections.size());
+}
+
+void read_link(TomlReader* reader, VehicleFile* file) {
+  const TomlSection section = reader->section("link");
+  firmware::LinkConfig& link = file->config.link;
+  if (!section.exists()) {
+    if (!reader->root().has("link")) {
+      reader->find_missing("the table [link] with uri is missing");
+    }
+    return;
+  }
+  read_uri(section, &file->link_uri);
+  read_whole(section, "rate_bytes_s", {10, 125'000'000}, &link.rate_bytes_s);
+  std::int64_t baud = 0;
+  if (section.read_integer("baud", {100, 1'250'000'000}, &baud)) {
+    link.rate_bytes_s = static_cast<std::uint32_t>(baud / 10);  // start bit, eight, stop bit
+  }
+  if (section.has("baud") && section.has("rate_bytes_s")) {
+    section.find("baud", "baud and rate_bytes_s say the same: give one of them");
+  }
+  read_whole(section, "mtu_bytes", {64, 1400}, &link.mtu_bytes);
+  const auto read_seconds = [&](const char* key, std::uint32_t* value_us) {
+    double seconds = 0;
+    if (section.read_number(key, {0, 3600, true}, &seconds)) {
+      *value_us = static_cast<std::uint32_t>(std::max(1LL, std::llround(seconds * 1e6)));
+    }
+  };
+  read_seconds("status_interval_s", &link.status_interval_us);
+  read_seconds("hello_interval_s", &link.hello_interval_us);
+}
+
+void read_log(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
+  const TomlSection section = reader->section("log");
+  if (!section.exists()) {
+    return;
+  }
+  if (!section.has("path")) {
+    section.find_missing("path is missing");
+  }
+  section.read_path("path", base_dir, &file->log.path);
+  section.read_integer("max_bytes", {0, 1e15}, &file->log.max_bytes);
+  if (file->log.max_bytes != 0 && file->log.max_bytes < 1'000'000) {
+    section.refuse("max_bytes", "has to be 0 (no limit) or at least 1000000");
+  }
+}
+
+// ---- Writing ------------------------------------------------------------------------------------
+
+/// The resolved configuration as the entries of both writers.
+class EntryList {
+ public:
+  void in(const std::string& table, int element = -1) {
+    table_ = table;
+    element_ = element;
+  }
+  void text(const char* key, const std::string& value) { raw(key, json_string(value)); }
+  void integer(const char* key, std::int64_t value) { raw(key, std::to_string(value)); }
+  void number(const char* key, double value) { raw(key, json_number(value)); }
+  void raw(const char* key, const std::string& value) {
+    entries_.push_back({table_, key, value, element_});
+  }
+  [[nodiscard]] const std::vector<ConfigEntry>& entries() const { return entries_; }
+
+ private:
+  std::string table_;
+  int element_ = -1;
+  std::vector<ConfigEntry> entries_;
+};
+
+void add_survey(const VehicleFile& file, EntryList* list) {
+  list->in("");
+  list->integer("schema_version", kVehicleSchemaVersion);
+  list->in("survey");
+  list->integer("id", static_cast<std::int64_t>(file.config.survey_id));
+  list->text("name", file.survey_name);
+  list->in("grid");
+  list->integer("cell_mm", file.grid.cell_mm);
+  list->raw("size", array_text(file.grid.size));
+  list->raw("origin_mm", array_text(file.grid.origin_mm));
+  list->in("sonar");
+  list->integer("min_range_mm", file.ranges.min_range_mm);
+  list->integer("max_range_mm", file.ranges.max_range_mm);
+  list->text("no_return", no_return_name(file.ranges.no_return));
+  if (file.ranges.detect_range_mm) {
+    list->integer("detect_range_mm", *file.ranges.detect_range_mm);
+  }
+  list->integer("sound_speed_mm_s", file.ranges.sound_speed_mm_s);
+}
+
+void add_navigation(const VehicleFile& file, EntryList* list) {
+  const firmware::NavigationConfig& navigation = file.config.navigation;
+  list->in("navigation");
+  list->raw("sigma_position_mm", array_text(file.sigmas.sigma_position_mm));
+  list->raw("sigma_correlated_mm", array_text(file.sigmas.sigma_correlated_mm));
+  list->number("magnetic_variation_deg",
+               degrees_of(static_cast<base::Bam32>(navigation.magnetic_variation_bam32)));
+  list->integer("surface_pressure_pa", navigation.surface_pressure_pa);
+  list->number("water_density_kg_m3", navigation.water_density_g_m3 / 1e3);
+  list->number("gravity_m_s2", navigation.gravity_um_s2 / 1e6);
+  list->integer("sigma_fix_mm", navigation.sigma_fix_mm);
+  list->integer("sigma_depth_mm", navigation.sigma_depth_mm);
+  list->number("sigma_attitude_deg", navigation.sigma_attitude_urad / kUradPerDegree);
+  list->number("sigma_heading_deg", navigation.sigma_heading_urad / kUradPerDegree);
+  list->integer("acceleration_mm_s2", navigation.acceleration_mm_s2);
+  list->number("angular_acceleration_deg_s2",
+               navigation.angular_acceleration_urad_s2 / kUradPerDegree);
+  list->number("max_gap_ms", navigation.max_gap_us / 1e3);
+  list->number("max_wait_ms", navigation.max_wait_us / 1e3);
+}
+
+void add_model(const VehicleFile& file, EntryList* list) {
+  list->in("model");
+  list->text("rule", rule_name(file.model.rule));
+  list->number("k_p", file.model.k_p);
+  list->in("frame");
+  if (file.frame.lat_deg) {
+    list->number("lat", *file.frame.lat_deg);
+  }
+  if (file.frame.lon_deg) {
+    list->number("lon", *file.frame.lon_deg);
+  }
+  if (file.frame.epsg) {
+    list->integer("epsg", *file.frame.epsg);
+  }
+  if (file.frame.vertical_datum) {
+    list->text("vertical_datum", *file.frame.vertical_datum);
+  }
+  list->in("cycle");
+  list->number("period_ms", file.cycle_us / 1e3);
+  list->integer("voxel_budget", file.config.cycle_voxel_budget);
+  list->integer("tile_budget", file.config.cycle_tile_budget);
+  list->integer("ping_voxel_budget", file.ping_voxel_budget);
+}
+
+void add_mounts(const VehicleFile& file, EntryList* list) {
+  for (std::size_t i = 0; i < file.mount_names.size(); ++i) {
+    const MountConfig& mount = file.config.mounts[i];
+    list->in("mount", static_cast<int>(i));
+    list->text("name", file.mount_names[i]);
+    list->raw("lever_arm_mm", array_text(mount.lever_arm_mm));
+    const double boresight_deg[3] = {degrees_of(mount.boresight.roll_bam32),
+                                     degrees_of(mount.boresight.pitch_bam32),
+                                     degrees_of(mount.boresight.heading_bam32)};
+    list->raw("boresight_deg", array_text(boresight_deg));
+    list->text("table", file.table_paths[mount.table]);
+  }
+}
+
+void add_ports(const VehicleFile& file, EntryList* list) {
+  for (std::size_t i = 0; i < file.port_uris.size(); ++i) {
+    const PortConfig& port = file.config.ports[i];
+    list->in("port", static_cast<int>(i));
+    list->text("uri", hal::uri_text(file.port_uris[i]));
+    list->text("driver", driver_name(port.driver));
+    list->number("latency_ms", port.latency_us / 1e3);
+    if (port.driver == Driver::kNmea) {
+      continue;
+    }
+    list->text("mount", file.mount_names[port.mount]);
+    list->number("interval_ms", port.ping_interval_us / 1e3);
+    list->integer("min_range_mm", port.min_range_um / 1000);
+    list->integer("max_range_mm", port.max_range_um / 1000);
+    if (port.driver == Driver::kPing1d) {
+      list->raw("profile", port.profile != 0 ? "true" : "false");
+      continue;
+    }
+    list->integer("scan_first_grad", port.scan_first_grad);
+    list->integer("scan_last_grad", port.scan_last_grad);
+    list->integer("scan_step_grad", port.scan_step_grad);
+  }
+}
+
+std::vector<ConfigEntry> entries_of(const VehicleFile& file) {
+  EntryList list;
+  add_survey(file, &list);
+  add_navigation(file, &list);
+  add_model(file, &list);
+  add_mounts(file, &list);
+  add_ports(file, &list);
+  const firmware::LinkConfig& link = file.config.link;
+  list.in("link");
+  list.text("uri", hal::uri_text(file.link_uri));
+  list.integer("rate_bytes_s", link.rate_bytes_s);
+  list.integer("mtu_bytes", link.mtu_bytes);
+  list.number("status_interval_s", link.status_interval_us / 1e6);
+  list.number("hello_interval_s", link.hello_interval_us / 1e6);
+  if (!file.log.path.empty()) {
+    list.in("log");
+    list.text("path", file.log.path);
+    list.integer("max_bytes", file.log.max_bytes);
+  }
+  return list.entries();
+}
+
+}  // namespace
+
+const char* driver_name(firmware::Driver driver) {
+  return driver == Driver::kNone ? "none" : kDriverNames[static_cast<std::size_t>(driver) - 1];
+}
+
+VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
+                               const std::string& base_dir) {
+  VehicleFile file;
+  set_defaults(&file);
+  TomlReader reader(text, name, known_tables());
+  reader.read_schema_version(kVehicleSchemaVersion);
+  read_survey(&reader, &file);
+  file.grid = read_grid(&reader);
+  read_sonar_ranges(&reader, file.grid, &file.ranges);
+  check_sound_speed(&reader, file.ranges);
+  read_navigation(&reader, &file);
+  file.model = read_model(&reader);
+  read_frame_of_vehicle(&reader, &file);
+  read_cycle(&reader, &file);
+  read_mounts(&reader, base_dir, &file);
+  read_ports(&reader, &file);
+  read_link(&reader, &file);
+  read_log(&reader, base_dir, &file);
+  reader.finish();
+  file.config.sound_speed_mm_s = static_cast<std::int32_t>(file.ranges.sound_speed_mm_s);
+  file.config.model = to_model_config(file.grid, file.ranges, file.sigmas, file.model, name);
+  file.config.model.work_budget_voxels = file.ping_voxel_budget;
+  return file;
+}
+
+VehicleFile load_vehicle_file(const std::string& path) {
+  return parse_vehicle_file(read_config_text(path), path,
+                            std::filesystem::path(path).parent_path().string());
+}
+
+std::string vehicle_file_to_toml(const VehicleFile& file) {
+  return entries_to_toml(entries_of(file));
+}
+
+std::string vehicle_file_to_json(const VehicleFile& file) {
+  return entries_to_json(entries_of(file));
+}
+
+std::vector<model::LocalizationTable> load_tables(const VehicleFile& file) {
+  std::vector<model::LocalizationTable> tables;
+  tables.reserve(file.table_paths.size());
+  for (const std::string& path : file.table_paths) {
+    tables.push_back(load_table(path));
+  }
+  return tables;
+}
+
+}  // namespace leadline::host

@@ -1,0 +1,391 @@
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "firmware/config/exit_codes.hpp"
+#include "firmware/config/vehicle_file.hpp"
+#include "tests/support/test.hpp"
+
+namespace {
+
+using leadline::firmware::Driver;
+using leadline::firmware::VehicleConfig;
+using leadline::host::ExitCode;
+using leadline::host::HostError;
+using leadline::host::load_tables;
+using leadline::host::load_vehicle_file;
+using leadline::host::parse_vehicle_file;
+using leadline::host::vehicle_example;
+using leadline::host::vehicle_file_to_json;
+using leadline::host::vehicle_file_to_toml;
+using leadline::host::VehicleFile;
+
+const std::string kGrid = "[grid]\ncell_mm = 1000\nsize = [64, 64, 32]\norigin_mm = [0, 0, 0]\n";
+const std::string kMount = "[[mount]]\nname = \"down\"\ntable = \"beam.llt\"\n";
+const std::string kPort = "[[port]]\nuri = \"serial:/dev/ttyS0:9600\"\ndriver = \"ping1d\"\n";
+const std::string kLink = "[link]\nuri = \"udp:127.0.0.1:9100\"\n";
+const std::string kSmallest = kGrid + kMount + kPort + kLink;
+
+VehicleFile parse(const std::string& text) { return parse_vehicle_file(text, "v.toml", ""); }
+
+/// The message of the HostError kUsage that the text has to raise.
+std::string error_of(const std::string& text) {
+  std::string message;
+  ExitCode code = ExitCode::kOk;
+  try {
+    (void)parse(text);
+  } catch (const HostError& error) {
+    message = error.what();
+    code = error.code();
+  }
+  if (code != ExitCode::kUsage) {
+    fail_msg("accepted:\n%s", text.c_str());
+  }
+  return message;
+}
+
+void assert_contains(const std::string& message, const std::string& part) {
+  if (message.find(part) == std::string::npos) {
+    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), message.c_str());
+  }
+}
+
+TEST(the_smallest_file_gets_the_documented_defaults) {
+  const VehicleFile file = parse(kSmallest);
+  const VehicleConfig& config = file.config;
+  assert_int_equal(config.schema_version, 1);
+  assert_int_equal(config.survey_id, 1);
+  assert_int_equal(config.port_count, 1);
+  assert_int_equal(config.mount_count, 1);
+  assert_int_equal(config.table_count, 1);
+  assert_int_equal(config.model.cell_mm, 1000);
+  assert_int_equal(config.model.max_range_um, 96'000'000);  // sqrt(64^2 + 64^2 + 32^2) m
+  assert_int_equal(config.sound_speed_mm_s, 1'500'000);
+  assert_int_equal(config.cycle_voxel_budget, 0);
+  assert_int_equal(config.cycle_tile_budget, 16);
+  assert_int_equal(config.ports[0].driver, Driver::kPing1d);
+  assert_int_equal(config.ports[0].mount, 0);
+  assert_int_equal(config.ports[0].ping_interval_us, 100'000);
+  assert_int_equal(config.ports[0].max_range_um, 96'000'000);
+  assert_int_equal(config.ports[0].profile, 0);
+  assert_int_equal(config.navigation.has_origin, 0);
+  assert_int_equal(config.navigation.gravity_um_s2, 9'806'650);
+  assert_int_equal(config.navigation.water_density_g_m3, 1'029'000);
+  assert_int_equal(config.navigation.max_wait_us, 500'000);
+  assert_int_equal(config.link.rate_bytes_s, 125'000);
+  assert_int_equal(config.link.mtu_bytes, 1200);
+  assert_int_equal(config.link.status_interval_us, 1'000'000);
+  assert_int_equal(config.link.hello_interval_us, 10'000'000);
+  assert_int_equal(file.cycle_us, 20'000);
+  assert_string_equal(file.log.path.c_str(), "");
+  assert_int_equal(file.port_uris[0].baud, 9600);
+}
+
+TEST(every_key_is_read) {
+  const VehicleFile file = parse_vehicle_file(
+      "schema_version = 1\n[survey]\nid = 9007199254740991\nname = \"basin\"\n" + kGrid +
+          "[sonar]\nmin_range_mm = 700\nmax_range_mm = 40000\nno_return = \"empty\"\n"
+          "detect_range_mm = 30000\nsound_speed_mm_s = 1480000\n"
+          "[navigation]\nsigma_position_mm = [1, 2, 3.4]\nsigma_correlated_mm = [4, 5, 6]\n"
+          "magnetic_variation_deg = -90\nsurface_pressure_pa = 100000\n"
+          "water_density_kg_m3 = 1000.5\ngravity_m_s2 = 9.8\nsigma_fix_mm = 900\n"
+          "sigma_depth_mm = 30\nsigma_attitude_deg = 1\nsigma_heading_deg = 3\n"
+          "acceleration_mm_s2 = 300\nangular_acceleration_deg_s2 = 20\nmax_gap_ms = 800\n"
+          "max_wait_ms = 0.5\n[model]\nrule = \"weighted_mean\"\nk_p = 1\n"
+          "[frame]\nlat = 59.9\nlon = 350\nepsg = 32632\nvertical_datum = \"MSL\"\n"
+          "[cycle]\nperiod_ms = 12.5\nvoxel_budget = 500000\ntile_budget = 7\n"
+          "ping_voxel_budget = 900000\n"
+          "[[mount]]\nname = \"a\"\ntable = \"beam.llt\"\nlever_arm_mm = [1, -2, 3]\n"
+          "[[mount]]\nname = \"b\"\ntable = \"beam.llt\"\nboresight_deg = [10, -90, 180]\n"
+          "[[port]]\nuri = \"udp:192.168.2.2:9090\"\ndriver = \"ping1d\"\nmount = \"a\"\n"
+          "interval_ms = 50\nprofile = true\nmin_range_mm = 900\nmax_range_mm = 20000\n"
+          "[[port]]\nuri = \"tcp:h:1\"\ndriver = \"ping360\"\nmount = \"b\"\nlatency_ms = -1.5\n"
+          "scan_first_grad = 350\nscan_last_grad = 50\nscan_step_grad = 10\n"
+          "[[port]]\nuri = \"file:nmea.txt\"\ndriver = \"nmea\"\nlatency_ms = 15\n"
+          "[link]\nuri = \"serial:/dev/ttyS1:9600\"\nbaud = 9600\nmtu_bytes = 64\n"
+          "status_interval_s = 0.5\nhello_interval_s = 60\n"
+          "[log]\npath = \"log.lll\"\nmax_bytes = 1000000\n",
+      "v.toml", "/survey");
+  const VehicleConfig& config = file.config;
+  assert_true(config.survey_id == 9'007'199'254'740'991U);
+  assert_string_equal(file.survey_name.c_str(), "basin");
+  assert_int_equal(config.model.min_range_um, 700'000);
+  assert_int_equal(config.model.detect_range_um, 30'000'000);
+  assert_int_equal(config.model.no_return, leadline::model::NoReturnPolicy::kEmpty);
+  assert_int_equal(config.model.rule, leadline::model::Rule::kWeightedMean);
+  assert_int_equal(config.model.sigma_position_mm[2], 3);
+  assert_int_equal(config.model.sigma_correlated_mm[1], 5);
+  assert_int_equal(config.model.work_budget_voxels, 900'000);
+  assert_int_equal(config.sound_speed_mm_s, 1'480'000);
+  assert_int_equal(config.cycle_voxel_budget, 500'000);
+  assert_int_equal(config.cycle_tile_budget, 7);
+  assert_int_equal(file.cycle_us, 12'500);
+  assert_int_equal(config.epsg, 32632);
+  const auto& navigation = config.navigation;
+  assert_int_equal(navigation.magnetic_variation_bam32, -1'073'741'824);
+  assert_int_equal(navigation.surface_pressure_pa, 100'000);
+  assert_int_equal(navigation.water_density_g_m3, 1'000'500);
+  assert_int_equal(navigation.gravity_um_s2, 9'800'000);
+  assert_int_equal(navigation.sigma_fix_mm, 900);
+  assert_int_equal(navigation.sigma_depth_mm, 30);
+  assert_int_equal(navigation.sigma_attitude_urad, 17'453);
+  assert_int_equal(navigation.sigma_heading_urad, 52'360);
+  assert_int_equal(navigation.acceleration_mm_s2, 300);
+  assert_int_equal(navigation.angular_acceleration_urad_s2, 349'066);
+  assert_int_equal(navigation.max_gap_us, 800'000);
+  assert_int_equal(navigation.max_wait_us, 500);
+  assert_int_equal(navigation.has_origin, 1);
+  assert_true(navigation.origin_latitude_e9deg == 59'900'000'000);
+  assert_true(navigation.origin_longitude_e9deg == -10'000'000'000);
+  assert_int_equal(config.mount_count, 2);
+  assert_int_equal(config.table_count, 1);
+  assert_string_equal(file.table_paths[0].c_str(), "/survey/beam.llt");
+  assert_int_equal(config.mounts[0].lever_arm_mm[1], -2);
+  assert_int_equal(config.mounts[1].boresight.roll_bam32, 119'304'647);
+  assert_int_equal(config.mounts[1].boresight.pitch_bam32, 0xC0000000U);
+  assert_int_equal(config.mounts[1].boresight.heading_bam32, 0x80000000U);
+  assert_int_equal(config.port_count, 3);
+  assert_int_equal(config.ports[0].ping_interval_us, 50'000);
+  assert_int_equal(config.ports[0].profile, 1);
+  assert_int_equal(config.ports[0].min_range_um, 900'000);
+  assert_int_equal(config.ports[0].max_range_um, 20'000'000);
+  assert_int_equal(config.ports[1].driver, Driver::kPing360);
+  assert_int_equal(config.ports[1].mount, 1);
+  assert_int_equal(config.ports[1].latency_us, -1500);
+  assert_int_equal(config.ports[1].ping_interval_us, 0);
+  assert_int_equal(config.ports[1].profile, 1);
+  assert_int_equal(config.ports[1].scan_first_grad, 350);
+  assert_int_equal(config.ports[1].scan_last_grad, 50);
+  assert_int_equal(config.ports[1].scan_step_grad, 10);
+  assert_int_equal(config.ports[1].max_range_um, 40'000'000);
+  assert_int_equal(config.ports[2].driver, Driver::kNmea);
+  assert_int_equal(config.ports[2].latency_us, 15'000);
+  assert_int_equal(config.link.rate_bytes_s, 960);
+  assert_int_equal(config.link.mtu_bytes, 64);
+  assert_int_equal(config.link.status_interval_us, 500'000);
+  assert_int_equal(config.link.hello_interval_us, 60'000'000);
+  assert_string_equal(file.log.path.c_str(), "/survey/log.lll");
+  assert_int_equal(file.log.max_bytes, 1'000'000);
+}
+
+TEST(the_example_is_good_and_shows_every_key) {
+  const std::string text = vehicle_example();
+  const VehicleFile file = parse(text);
+  assert_int_equal(file.config.port_count, 4);
+  assert_int_equal(file.config.ports[1].mount, 1);
+  std::ifstream stream(leadline::test::source_directory() + "/firmware/vehicle.example.toml");
+  const std::string on_disk((std::istreambuf_iterator<char>(stream)),
+                            std::istreambuf_iterator<char>());
+  assert_true(on_disk == text);
+  // With every comment that shows a key turned into that key it is good still: the defaults and limits
+  // that it names are those of the code.
+  std::string all;
+  std::size_t at = 0;
+  while (at < text.size()) {
+    const std::size_t end = text.find('\n', at);
+    std::string line = text.substr(at, end - at);
+    const bool key = line.rfind("# ", 0) == 0 && line.find(" = ") != std::string::npos;
+    const bool table = line.rfind("# [", 0) == 0;
+    const bool other_form = line.rfind("# baud", 0) == 0;  // beside rate_bytes_s
+    all += (key || table) && !other_form ? line.substr(2) : line;
+    all += "\n";
+    at = end + 1;
+  }
+  const VehicleFile complete = parse(all);
+  assert_int_equal(complete.frame.epsg.value(), 32632);
+  // Defaults shown are defaults taken: without the keys that have none the two are the same.
+  VehicleFile same = complete;
+  same.frame = file.frame;
+  same.ranges.detect_range_mm = file.ranges.detect_range_mm;
+  assert_string_equal(vehicle_file_to_toml(same).c_str(), vehicle_file_to_toml(file).c_str());
+  // And nothing is missing: what is not in the example is named by nobody.
+  const std::string resolved = vehicle_file_to_toml(complete);
+  at = 0;
+  while (at < resolved.size()) {
+    const std::size_t end = resolved.find('\n', at);
+    const std::string line = resolved.substr(at, end - at);
+    const std::size_t equals = line.find(" = ");
+    if (equals != std::string::npos) {
+      assert_contains(text, line.substr(0, equals + 3));
+    }
+    at = end + 1;
+  }
+}
+
+TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
+  struct Case {
+    std::string text;
+    const char* message;
+  };
+  const std::string sonar = kGrid + "[sonar]\n";
+  const std::string navigation = kSmallest + "[navigation]\n";
+  const std::string cycle = kSmallest + "[cycle]\n";
+  const std::string port = kGrid + kMount + kLink + kPort;
+  const std::string scanner =
+      kGrid + kMount + kLink + "[[port]]\nuri = \"udp:h:1\"\ndriver = \"ping360\"\n";
+  const std::string nmea =
+      kGrid + kMount + kLink + "[[port]]\nuri = \"udp:h:1\"\ndriver = \"nmea\"\n";
+  const std::string rest = kPort + kLink;
+  const std::vector<Case> cases = {
+      {"schema_version = 2\n" + kSmallest, "v.toml:1: schema_version = 2: this program reads"},
+      {kSmallest + "[survey]\nid = -1\n", "[survey] id = -1: has to be 0 to 9007199254740991"},
+      {kSmallest + "[survey]\nname = 5\n", "[survey] name = 5: has to be a text of at most 64"},
+      {kMount + rest, "the table [grid] with cell_mm, size and origin_mm is missing"},
+      {sonar + "min_range_mm = -1\n" + kMount + rest, "[sonar] min_range_mm = -1: has to be"},
+      {sonar + "beam_half_angle_deg = 3\n" + kMount + rest,
+       "v.toml:6: [sonar] beam_half_angle_deg: unknown key"},
+      {sonar + "sound_speed_mm_s = 343000\n" + kMount + rest,
+       "sound_speed_mm_s = 343000: has to be 1300000 to 1700000"},
+      {navigation + "sigma_position_mm = 3\n", "has to be an array of three"},
+      {navigation + "magnetic_variation_deg = 181\n", "magnetic_variation_deg = 181: has to be"},
+      {navigation + "surface_pressure_pa = 200001\n", "surface_pressure_pa = 200001: has to be"},
+      {navigation + "water_density_kg_m3 = 1.029\n", "water_density_kg_m3 = 1.029: has to be"},
+      {navigation + "gravity_m_s2 = 981\n", "gravity_m_s2 = 981: has to be 9 to 10"},
+      {navigation + "sigma_fix_mm = 0\n", "sigma_fix_mm = 0: has to be 1 to 1000000"},
+      {navigation + "sigma_depth_mm = \"x\"\n", "sigma_depth_mm = x: has to be a whole number"},
+      {navigation + "sigma_attitude_deg = 0\n", "sigma_attitude_deg = 0: has to be over 0 to 45"},
+      {navigation + "sigma_heading_deg = nan\n", "sigma_heading_deg = nan: has to be"},
+      {navigation + "acceleration_mm_s2 = 0\n", "acceleration_mm_s2 = 0: has to be"},
+      {navigation + "angular_acceleration_deg_s2 = -1\n", "angular_acceleration_deg_s2 = -1"},
+      {navigation + "max_gap_ms = 0\n", "max_gap_ms = 0: has to be 1 to 60000"},
+      {navigation + "max_wait_ms = 10001\n", "max_wait_ms = 10001: has to be 0 to 10000"},
+      {kSmallest + "[model]\nrule = \"x\"\n", "[model] rule = x: has to be one of"},
+      {kSmallest + "[frame]\nlat = 1\n", "lat and lon have to be given together"},
+      {cycle + "period_ms = 0\n", "[cycle] period_ms = 0: has to be 1 to 1000"},
+      {cycle + "voxel_budget = -1\n", "[cycle] voxel_budget = -1: has to be"},
+      {cycle + "tile_budget = 0\n", "[cycle] tile_budget = 0: has to be 1 to 4096"},
+      {cycle + "ping_voxel_budget = 1.5\n", "ping_voxel_budget = 1.5: has to be a whole number"},
+      {kGrid + rest, "a table [[mount]] is missing"},
+      {kGrid + "[mount]\nname = \"a\"\n" + rest, "v.toml:5: mount: has to be a table: [[mount]]"},
+      {kGrid + "[[mount]]\ntable = \"t\"\n" + rest, "v.toml:5: [[mount]] name is missing"},
+      {kGrid + "[[mount]]\nname = \"a\"\n" + rest, "v.toml:5: [[mount]] table is missing"},
+      {kGrid + kMount + kMount + rest,
+       "v.toml:9: [[mount]] name = down: every mount has a name of its own"},
+      {kGrid + "[[mount]]\nname = \"\"\ntable = \"t\"\n" + rest, "has a name of its own"},
+      {kGrid + kMount + "lever_arm_mm = [0, 0]\n" + rest,
+       "has to be an array of three: [forward, right, down]"},
+      {kGrid + kMount + "lever_arm_mm = [0, 0, 100001]\n" + rest, "lever_arm_mm[2] = 100001"},
+      {kGrid + kMount + "boresight_deg = [361, 0, 0]\n" + rest, "boresight_deg[0] = 361"},
+      {kGrid + kMount + "[[mount]]\nname = \"b\"\ntable = \"other.llt\"\n" + rest,
+       "table = other.llt: one table for all mounts so far; the first is beam.llt"},
+      {kGrid + kMount + kLink, "a table [[port]] is missing"},
+      {kGrid + kMount + kLink + "[[port]]\ndriver = \"nmea\"\n",
+       "v.toml:10: [[port]] uri is missing"},
+      {kGrid + kMount + kLink + "[[port]]\nuri = \"com3\"\ndriver = \"nmea\"\n",
+       "v.toml:11: [[port]] uri = \\\"com3\\\": has to begin with serial:"},
+      {kGrid + kMount + kLink + "[[port]]\nuri = \"udp:h:1\"\n", "[[port]] driver is missing"},
+      {kGrid + kMount + kLink + "[[port]]\nuri = \"udp:h:1\"\ndriver = \"ping\"\n",
+       "driver = ping: has to be one of \"ping1d\", \"ping360\", \"nmea\""},
+      {port + "mount = \"dwon\"\n", "there is no [[mount]] of that name; did you mean \"down\"?"},
+      {port + "latency_ms = 10001\n", "[[port]] latency_ms = 10001: has to be -1000 to 10000"},
+      {port + "interval_ms = -1\n", "[[port]] interval_ms = -1: has to be 0 to 60000"},
+      {port + "min_range_mm = 2000000\n",
+       "min_range_mm = 2000000 has to be below max_range_mm = 96000"},
+      {port + "max_range_mm = 0\n", "max_range_mm = 0: has to be"},
+      {port + "profile = 1\n", "profile = 1: has to be true or false"},
+      {port + "scan_step_grad = 1\n", "driver \"ping1d\" has no such key"},
+      {scanner + "scan_first_grad = 400\n", "scan_first_grad = 400: has to be 0 to 399"},
+      {scanner + "scan_last_grad = -1\n", "scan_last_grad = -1: has to be 0 to 399"},
+      {scanner + "scan_step_grad = 0\n", "scan_step_grad = 0: has to be 1 to 10"},
+      {scanner + "profile = false\n", "driver \"ping360\" has no such key"},
+      {nmea + "mount = \"down\"\n", "driver \"nmea\" has no such key"},
+      {nmea + "interval_ms = 5\n", "driver \"nmea\" has no such key"},
+      {kGrid + kMount + kPort, "the table [link] with uri is missing"},
+      {kGrid + kMount + kPort + "[link]\n", "[link] uri is missing"},
+      {kSmallest + "rate_bytes_s = 9\n", "rate_bytes_s = 9: has to be 10 to 125000000"},
+      {kSmallest + "baud = 50\n", "baud = 50: has to be 100 to"},
+      {kSmallest + "baud = 9600\nrate_bytes_s = 960\n", "give one of them"},
+      {kSmallest + "mtu_bytes = 63\n", "mtu_bytes = 63: has to be 64 to 1400"},
+      {kSmallest + "status_interval_s = 0\n", "status_interval_s = 0: has to be over 0 to 3600"},
+      {kSmallest + "hello_interval_s = 3601\n", "hello_interval_s = 3601: has to be over 0"},
+      {kSmallest + "[log]\n", "[log] path is missing"},
+      {kSmallest + "[log]\npath = \"\"\n", "[log] path = : has to be the name of a file"},
+      {kSmallest + "[log]\npath = \"x\"\nmax_bytes = 999999\n", "at least 1000000"},
+      {kSmallest + "[prot]\n", "prot: unknown key; did you mean \"port\"?"},
+      {kSmallest + "lever_arm_mm = 3\n",
+       "[link] lever_arm_mm: unknown key; it belongs to [[mount]]"},
+      {"[grid]\ncell_mm = 1000\nsize = [8, 8, 2000]\norigin_mm = [0, 0, 0]\n" + kMount + rest,
+       "over the capacity of 1024 cells on axis 2"},
+      {"[grid]\ncell_mm = 1\nsize = [8, 8, 8]\norigin_mm = [0, 0, 0]\n[sonar]\nmax_range_mm = "
+       "9000\n" +
+           kMount + rest,
+       "max_range_mm = 9000: has to be at most 8000 cells = 8000 mm"},
+  };
+  for (const Case& bad : cases) {
+    assert_contains(error_of(bad.text), bad.message);
+  }
+}
+
+TEST(two_mounts_and_a_head_that_names_none) {
+  const std::string second = "[[mount]]\nname = \"b\"\ntable = \"beam.llt\"\n";
+  assert_contains(error_of(kGrid + kMount + second + kPort + kLink),
+                  "v.toml:11: [[port]] mount is missing: which of them carries this head");
+}
+
+TEST(more_ports_or_mounts_than_there_is_room_for) {
+  std::string text = kGrid + kLink;
+  std::string mounts = kMount;
+  for (int i = 0; i < 8; ++i) {
+    mounts += "[[mount]]\nname = \"m" + std::to_string(i) + "\"\ntable = \"beam.llt\"\n";
+  }
+  assert_contains(error_of(text + mounts + kPort), "[[mount]]: 9 of them, at most 8");
+  std::string ports;
+  for (int i = 0; i < 9; ++i) {
+    ports += kPort;
+  }
+  assert_contains(error_of(text + kMount + ports), "[[port]]: 9 of them, at most 8");
+}
+
+TEST(the_resolved_configuration_reads_back_the_same) {
+  for (const std::string& text : {kSmallest, std::string(vehicle_example())}) {
+    const std::string resolved = vehicle_file_to_toml(parse(text));
+    assert_string_equal(vehicle_file_to_toml(parse(resolved)).c_str(), resolved.c_str());
+  }
+  // Angles, which are binary inside, too.
+  leadline::test::Random random;
+  for (int i = 0; i < 200; ++i) {
+    const std::string angle = std::to_string(random.uniform() * 360 - 180);
+    const std::string text = kGrid + kMount + "boresight_deg = [" + angle + ", 0, " + angle +
+                             "]\n" + kPort + kLink +
+                             "[navigation]\nmagnetic_variation_deg = " + angle +
+                             "\nsigma_heading_deg = " + std::to_string(1 + i * 0.37) + "\n";
+    const VehicleFile file = parse(text);
+    const VehicleFile again = parse(vehicle_file_to_toml(file));
+    assert_int_equal(file.config.mounts[0].boresight.roll_bam32,
+                     again.config.mounts[0].boresight.roll_bam32);
+    assert_int_equal(file.config.navigation.magnetic_variation_bam32,
+                     again.config.navigation.magnetic_variation_bam32);
+    assert_int_equal(file.config.navigation.sigma_heading_urad,
+                     again.config.navigation.sigma_heading_urad);
+  }
+}
+
+TEST(json_holds_the_same_values) {
+  const std::string json = vehicle_file_to_json(parse(vehicle_example()));
+  for (const char* const part :
+       {"{\"schema_version\": 1, \"survey\": {\"id\": 1, \"name\": \"harbour basin\"}, \"grid\": {",
+        "\"mount\": [{\"name\": \"down\", ", "}, {\"name\": \"scanner\"", "}], \"port\": [{",
+        "\"scan_first_grad\": 120", "}], \"link\": {\"uri\": \"udp:192.168.2.1:9100\"",
+        "\"log\": {\"path\": \"survey.lll\", \"max_bytes\": 0}}"}) {
+    assert_contains(json, part);
+  }
+}
+
+TEST(files_are_loaded_from_where_they_lie) {
+  const std::string directory = leadline::test::scratch_directory();
+  std::ofstream(directory + "/v.toml") << kSmallest;
+  const VehicleFile file = load_vehicle_file(directory + "/v.toml");
+  assert_string_equal(file.table_paths[0].c_str(), (directory + "/beam.llt").c_str());
+  std::string message;
+  ExitCode code = ExitCode::kOk;
+  try {
+    (void)load_tables(file);
+  } catch (const HostError& error) {
+    message = error.what();
+    code = error.code();
+  }
+  assert_int_equal(code, ExitCode::kInput);
+  assert_contains(message, "beam.llt: cannot read the localization table");
+}
+
+}  // namespace
