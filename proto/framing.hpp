@@ -64,6 +64,11 @@ struct FrameCounters {
   std::uint32_t too_short;      ///< fewer bytes than a CRC
   std::uint32_t too_long;       ///< more bytes than the buffer holds
   std::uint32_t dropped_bytes;  ///< encoded bytes of all frames not delivered, delimiters excluded
+
+  /// Frames dropped, for whatever reason.
+  [[nodiscard]] std::uint32_t bad_frames() const {
+    return bad_crc + bad_code + too_short + too_long;
+  }
 };
 
 /// A payload inside the decoder's buffer: valid until the next call of feed() or reset().
@@ -97,6 +102,8 @@ class FrameDecoder {
   void reset();
 
   [[nodiscard]] const FrameCounters& counters() const { return counters_; }
+  /// Whether the bytes so far end inside a frame.
+  [[nodiscard]] bool mid_frame() const { return encoded_bytes_ != 0; }
 
  private:
   enum class Fault : std::uint8_t { kNone, kTooLong };
@@ -126,6 +133,7 @@ class FrameDecoderBuffer {
   FrameDecoderBuffer& operator=(const FrameDecoderBuffer&) = delete;
 
   [[nodiscard]] FrameDecoder& decoder() { return decoder_; }
+  [[nodiscard]] const FrameDecoder& decoder() const { return decoder_; }
 
  private:
   std::array<std::uint8_t, kPayloadCapacity_bytes + kCrc_bytes> storage_{};

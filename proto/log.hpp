@@ -160,7 +160,7 @@ class LogWriter {
   void clear() { size_bytes_ = 0; }
 
  private:
-  [[nodiscard]] base::Status put(base::Result<std::size_t> payload_bytes);
+  [[nodiscard]] base::Status put(const base::Result<std::size_t>& payload_bytes);
   [[nodiscard]] base::Status pieces(MessageType type, std::uint8_t table, const std::uint8_t* blob,
                                     std::size_t size_bytes);
 
@@ -197,14 +197,15 @@ class LogReader {
   [[nodiscard]] bool next(const std::uint8_t* data, std::size_t size_bytes,
                           std::size_t& consumed_bytes, LogRecord& record);
   [[nodiscard]] const LogReaderCounters& counters() const { return counters_; }
-  [[nodiscard]] const FrameCounters& frame_counters() { return buffer_.decoder().counters(); }
+  [[nodiscard]] const FrameCounters& frame_counters() const { return buffer_.decoder().counters(); }
   /// Whether the bytes so far end inside a record: a log that was cut, when no more bytes come.
-  [[nodiscard]] bool mid_record() const;
+  [[nodiscard]] bool mid_record() const { return buffer_.decoder().mid_frame(); }
 
  private:
   FrameDecoderBuffer<> buffer_;
   LogReaderCounters counters_{};
-  std::uint32_t errors_seen_ = 0;
+  std::uint32_t bad_frames_ = 0;  ///< of the decoder, when last looked
+  bool gap_ = false;              ///< something was lost since the last record
 };
 
 }  // namespace leadline::proto

@@ -1,8 +1,8 @@
 // What frames say. Every message is one frame's payload: type, then fields, little-endian. Bit by bit in
 // proto/SPEC.md; sizes and limits here.
 //
-// Encoders check what they are given and write nothing on an error; decoders check every field against
-// its range and never trust a length. Rules for all of them, after "type" matched:
+// Encoders check what they are given (what `out` holds after an error is of no use); decoders check
+// every field against its range and never trust a length. Rules for all of them, after "type" matched:
 //   encode_x(message, out, capacity)   bytes written; kFull: no room; kOutOfRange: a field out of range
 //   decode_x(payload, size)            kInvalidArgument: another type; kTruncated: shorter than its
 //                                      fields; kOutOfRange: a field out of range

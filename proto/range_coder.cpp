@@ -5,6 +5,7 @@ namespace {
 
 constexpr std::uint32_t kWholeRange = 0xFFFFFFFFU;
 constexpr std::uint32_t kSmallRange = 1U << 24U;
+constexpr std::uint64_t kCarry = std::uint64_t{1} << 32U;
 constexpr unsigned kFastShift = 4;
 constexpr unsigned kSlowShift = 7;
 constexpr std::uint32_t kOne_q15 = 1U << 15U;
@@ -30,17 +31,15 @@ void learn(BitModel& model, bool bit) {
   model.slow_q15 = moved(model.slow_q15, bit, kSlowShift);
 }
 
-/// The value in [low, low + range) with most zero bytes at its end, and of those the least; may pass
-/// 2^32 (a carry).
+/// Where a body may end: the least multiple of 2^32 in [low, low + range), or else of 2^24. There is
+/// one, for range is at least 2^24. It may be 2^32 itself, a carry.
 std::uint64_t tail_of(std::uint32_t low, std::uint32_t range) {
-  for (unsigned kept_bytes = 0; kept_bytes < 4; ++kept_bytes) {
-    const std::uint64_t zeros = (std::uint64_t{1} << (32U - 8U * kept_bytes)) - 1U;
-    const std::uint64_t value = (low + zeros) & ~zeros;
-    if (value - low < range) {
-      return value;
-    }
+  constexpr std::uint64_t kOneByte = (1U << 24U) - 1U;
+  if (low == 0) {
+    return 0;
   }
-  return low;
+  const std::uint64_t end = std::uint64_t{low} + range;
+  return end > kCarry ? kCarry : (low + kOneByte) & ~kOneByte;
 }
 
 }  // namespace
@@ -57,12 +56,8 @@ void RangeEncoder::put(BitModel& model, bool bit) {
   if (bit) {
     range_ = share;
   } else {
-    const std::uint32_t before = low_;
     low_ += share;
     range_ -= share;
-    if (low_ < before) {
-      carry();
-    }
   }
   learn(model, bit);
   normalize();
@@ -70,54 +65,50 @@ void RangeEncoder::put(BitModel& model, bool bit) {
 
 void RangeEncoder::put_raw(std::uint32_t value, unsigned count) {
   range_ >>= count;
-  const std::uint32_t before = low_;
-  low_ += value * range_;
-  if (low_ < before) {
-    carry();
-  }
+  low_ += std::uint64_t{value} * range_;
   normalize();
 }
 
 void RangeEncoder::normalize() {
   while (range_ < kSmallRange) {
-    emit(static_cast<std::uint8_t>(low_ >> 24U));
-    low_ <<= 8U;
+    shift_low();
     range_ <<= 8U;
   }
 }
 
-void RangeEncoder::emit(std::uint8_t byte) {
-  if (size_ == capacity_) {
-    overflowed_ = true;
-    return;
+// The top byte of low moves out; it is held while a carry may still come.
+void RangeEncoder::shift_low() {
+  const auto low = static_cast<std::uint32_t>(low_ & 0xFFFFFFFFU);
+  const std::uint32_t carry = low_ >= kCarry ? 1U : 0U;
+  const bool all_ones = carry == 0 && low >= 0xFF000000U;
+  if (all_ones && has_held_) {
+    ++pending_;
+  } else {
+    if (has_held_) {
+      emit(held_ + carry);
+    }
+    // Of bytes that are turned over at most as many are written as were put: O(1) on the average.
+    for (; pending_ > 0; --pending_) {
+      emit(0xFFU + carry);
+    }
+    held_ = static_cast<std::uint8_t>(low >> 24U);
+    has_held_ = true;
   }
-  out_[size_++] = byte;
+  low_ = std::uint64_t{low & 0x00FFFFFFU} << 8U;
 }
 
-// Turns bytes FF into 00 on its way: each of them was paid for when it was written, so that a body costs
-// O(bytes) in all.
-void RangeEncoder::carry() {
-  for (std::size_t i = size_; i > 0; --i) {
-    ++out_[i - 1];
-    if (out_[i - 1] != 0) {
-      return;
-    }
+void RangeEncoder::emit(std::uint32_t byte) {
+  if (size_ < capacity_) {
+    out_[size_] = static_cast<std::uint8_t>(byte & 0xFFU);
+    ++size_;
   }
 }
 
 std::size_t RangeEncoder::finish() {
-  const std::uint64_t tail = tail_of(low_, range_);
-  if (tail > 0xFFFFFFFFU) {
-    carry();
-  }
-  for (unsigned shift = 32; shift > 0; shift -= 8) {
-    const auto byte = static_cast<std::uint8_t>((tail >> (shift - 8U)) & 0xFFU);
-    // Zeros are not written: the decoder reads them behind the end. Only they may lack room.
-    if ((tail & ((std::uint64_t{1} << shift) - 1U)) == 0) {
-      break;
-    }
-    emit(byte);
-  }
+  const std::uint64_t carry = low_ & kCarry;
+  low_ = carry + tail_of(static_cast<std::uint32_t>(low_ & 0xFFFFFFFFU), range_);
+  shift_low();  // writes what was held, holds the byte of the tail
+  shift_low();  // writes that
   while (size_ > 0 && out_[size_ - 1] == 0) {
     --size_;
   }

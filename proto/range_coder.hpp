@@ -18,32 +18,38 @@ struct BitModel {
 };
 inline constexpr std::uint32_t kLeastProbability_q15 = 64;
 
+/// Bytes that are written stay as they are: a copy of the object is a state to come back to.
 class RangeEncoder {
  public:
-  /// Starts a body at `out`; beyond `capacity_bytes` nothing is written and overflowed() turns true.
+  /// Starts a body at `out`. Beyond `capacity_bytes` nothing is written: see needed_bytes().
   void start(std::uint8_t* out, std::size_t capacity_bytes);
   void put(BitModel& model, bool bit);
-  /// `count` equally likely bits, 0 .. 16, most significant first.
+  /// `count` equally likely bits, 0 .. 16, most significant first; value < 2^count.
   void put_raw(std::uint32_t value, unsigned count);
 
-  [[nodiscard]] bool overflowed() const { return overflowed_; }
-  /// Bytes that are settled, but for a carry.
-  [[nodiscard]] std::size_t size_bytes() const { return size_; }
-  /// Writes the shortest tail that decodes to what was put, without trailing zero bytes; the size of the
-  /// body. The coder is done then.
+  /// What finish() would need at most. As soon as it is over the capacity, the body is lost.
+  [[nodiscard]] std::size_t needed_bytes() const {
+    return size_ + (has_held_ ? 1U : 0U) + pending_ + kTail_bytes;
+  }
+  /// Writes the tail and returns the size of the body, which has no zero byte at its end. The coder is
+  /// done then.
   [[nodiscard]] std::size_t finish();
 
  private:
+  static constexpr std::size_t kTail_bytes = 1;
+
   void normalize();
-  void emit(std::uint8_t byte);
-  void carry();
+  void shift_low();
+  void emit(std::uint32_t byte);
 
   std::uint8_t* out_ = nullptr;
   std::size_t capacity_ = 0;
   std::size_t size_ = 0;
-  std::uint32_t low_ = 0;
+  std::uint64_t low_ = 0;  ///< 33 bits: the top one is a carry
   std::uint32_t range_ = 0;
-  bool overflowed_ = false;
+  std::uint32_t pending_ = 0;  ///< bytes FF behind held_, which a carry would turn to 00
+  std::uint8_t held_ = 0;      ///< last byte that a carry can still change
+  bool has_held_ = false;
 };
 
 class RangeDecoder {

@@ -13,6 +13,7 @@
 #include "model/base/status.hpp"
 #include "proto/cell.hpp"
 #include "proto/tile_model.hpp"
+#include "proto/wire.hpp"
 
 namespace leadline::proto {
 
@@ -52,6 +53,12 @@ struct TileUpdate {
   CellMask changed;          ///< which of them to send; at least one
 };
 
+/// What a packet's later cells know of the cells before them, over tiles.
+struct PacketMemory {
+  std::int32_t depth_q8 = 0;
+  int sigma_code = 8;
+};
+
 /// Fills one packet with the changes of one tile after the other, until it is full.
 ///
 ///   TilePacketEncoder packet(payload, capacity, tag);
@@ -68,7 +75,7 @@ class TilePacketEncoder {
 
   /// Adds as many of update's changed cells as fit and tells which: the number, > 0, and `taken`, a
   /// subset of update.changed. O(tile), a few times. Else nothing is taken and the packet is unchanged:
-  /// * kFull: not one cell fits, or kMaxPacketTiles are in
+  /// * kFull: not one cell fits, kMaxPacketTiles are in, or the packet is finished
   /// * kInvalidArgument: no changed cell, a tile number or a changed cell out of range
   [[nodiscard]] base::Result<int> add(const TileUpdate& update, CellMask& taken);
 
@@ -83,7 +90,8 @@ class TilePacketEncoder {
  private:
   static constexpr std::size_t kTileHeaderBound_bytes = 15;
 
-  [[nodiscard]] bool try_cells(const TileUpdate& update, int cell_count, int& fitting);
+  [[nodiscard]] bool put_cells(const TileUpdate& update, int cell_count, std::size_t capacity_bytes,
+                               CellMask& taken, int& fitting);
 
   std::uint8_t* out_;
   std::size_t capacity_bytes_;
@@ -92,7 +100,9 @@ class TilePacketEncoder {
   std::uint32_t last_tile_ = 0;
   std::size_t header_bytes_ = 0;
   std::array<std::uint8_t, kMaxPacketTiles * kTileHeaderBound_bytes> headers_;
+  bool finished_ = false;
   RangeEncoder coder_;
+  PacketMemory memory_;
   TileModel model_;
 };
 
@@ -140,18 +150,22 @@ class TilePacketDecoder {
   /// The next tile; false at the end or at the first error. O(tile). The last tile is delivered only
   /// when the packet was used up exactly.
   [[nodiscard]] bool next(TileDelta& delta);
-  /// kOk while nothing was wrong; kTruncated, kOutOfRange or kInvalidArgument (left-over bytes) after.
+  /// kOk while nothing was wrong. kOutOfRange: a cell that cannot be; kBadChecksum: the body is not the
+  /// one that encoding the same cells gives (cut, longer, changed).
   [[nodiscard]] base::Status status() const { return status_; }
 
  private:
-  const std::uint8_t* header_ = nullptr;
-  std::size_t header_left_ = 0;
+  [[nodiscard]] static base::Status read_header(ByteReader& fields, std::uint32_t last_tile,
+                                                TileDelta& delta);
+
+  ByteReader headers_{nullptr, 0};  ///< those of the tiles to come
   std::uint16_t survey_tag_ = 0;
   int tile_count_ = 0;
   int tiles_done_ = 0;
   std::uint32_t last_tile_ = 0;
   base::Status status_ = base::Status::kNotReady;
   RangeDecoder coder_;
+  PacketMemory memory_;
   TileModel model_;
 };
 

@@ -1,0 +1,454 @@
+#include "proto/messages.hpp"
+
+#include <cstring>
+
+#include "model/base/crc32c.hpp"
+#include "model/base/fixed.hpp"
+#include "proto/tile_coder.hpp"
+#include "proto/wire.hpp"
+
+namespace leadline::proto {
+namespace {
+
+constexpr std::int64_t kMaxOrigin_mm = std::int64_t{1} << 40U;
+constexpr std::int64_t kMaxLatitude_e9deg = 90'000'000'000;
+constexpr std::int64_t kMaxLongitude_e9deg = 180'000'000'000;
+constexpr std::int32_t kMaxCell_mm = 1'000'000;
+constexpr std::int32_t kMaxSide_cells = 16'000;
+constexpr std::int32_t kMaxDown_cells = 2048;
+constexpr std::int32_t kMaxEpsg = 999'999;
+
+template <typename T>
+constexpr bool within(T value, T low, T high) {
+  return low <= value && value <= high;
+}
+
+/// The type byte, then the fields: false when the payload is of another type.
+bool opens_as(ByteReader& fields, MessageType type) {
+  return fields.left_bytes() > 0 && fields.u8() == static_cast<std::uint8_t>(type);
+}
+
+bool hello_in_range(const Hello& hello) {
+  bool good = hello.tile_side_cells == kTileSide_cells && hello.table_count <= kMaxHelloTables &&
+              within(hello.cell_mm, 1, kMaxCell_mm) && within(hello.epsg, 0, kMaxEpsg) &&
+              hello.has_geodetic_origin <= 1 &&
+              within(hello.latitude_e9deg, -kMaxLatitude_e9deg, kMaxLatitude_e9deg) &&
+              within(hello.longitude_e9deg, -kMaxLongitude_e9deg, kMaxLongitude_e9deg);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::int32_t most = axis == base::kDown ? kMaxDown_cells : kMaxSide_cells;
+    good = good && within(hello.size_cells[axis], 1, most) &&
+           within(hello.origin_mm[axis], -kMaxOrigin_mm, kMaxOrigin_mm);
+  }
+  return good;
+}
+
+// --- UTF-8
+
+constexpr std::uint8_t kContinuation = 0x80;
+
+/// What a character's first byte promises: how many bytes, and the least code point that may take so
+/// many. 0 bytes: it begins none.
+struct Lead {
+  std::size_t size_bytes;
+  std::uint32_t bits;
+  std::uint32_t least;
+};
+
+Lead lead_of(std::uint8_t byte) {
+  if (byte < 0x80U) {
+    return {1, byte, 0};
+  }
+  if ((byte & 0xE0U) == 0xC0U) {
+    return {2, byte & 0x1FU, 0x80};
+  }
+  if ((byte & 0xF0U) == 0xE0U) {
+    return {3, byte & 0x0FU, 0x800};
+  }
+  if ((byte & 0xF8U) == 0xF0U) {
+    return {4, byte & 0x07U, 0x10000};
+  }
+  return {0, 0, 0};
+}
+
+/// Length of the character at `text`, 0 when there is none or it is a control character.
+std::size_t character_bytes(const char* text, std::size_t size_bytes) {
+  const auto byte_at = [text](std::size_t i) { return static_cast<std::uint8_t>(text[i]); };
+  const Lead lead = lead_of(byte_at(0));
+  if (lead.size_bytes == 0 || lead.size_bytes > size_bytes) {
+    return 0;
+  }
+  std::uint32_t code_point = lead.bits;
+  for (std::size_t i = 1; i < lead.size_bytes; ++i) {
+    if ((byte_at(i) & 0xC0U) != kContinuation) {
+      return 0;
+    }
+    code_point = (code_point << 6U) | (byte_at(i) & 0x3FU);
+  }
+  const bool control = code_point < 0x20U || within(code_point, 0x7FU, 0x9FU);
+  const bool surrogate = within(code_point, 0xD800U, 0xDFFFU);
+  const bool beyond = code_point > 0x10FFFFU || code_point < lead.least;
+  return control || surrogate || beyond ? 0 : lead.size_bytes;
+}
+
+/// Bytes of `text` up to the first that is not clean UTF-8.
+std::size_t clean_bytes(const char* text, std::size_t size_bytes) {
+  std::size_t at = 0;
+  while (at < size_bytes) {
+    const std::size_t character = character_bytes(text + at, size_bytes - at);
+    if (character == 0) {
+      break;
+    }
+    at += character;
+  }
+  return at;
+}
+
+bool text_in_range(const Text& text) {
+  return static_cast<std::uint8_t>(text.severity) <= static_cast<std::uint8_t>(Severity::kError) &&
+         text.size_bytes <= kMaxText_bytes &&
+         clean_bytes(text.text, text.size_bytes) == text.size_bytes;
+}
+
+// --- Status
+
+bool status_in_range(const Status& status) {
+  bool good = status.port_count <= kMaxStatusPorts && status.pose_validity <= 7;
+  for (std::size_t i = 0; good && i < status.port_count; ++i) {
+    good = status.ports[i].state <= 1;
+  }
+  return good;
+}
+
+/// The fields that travel as varints, in their order, for both directions: `each(field)`.
+template <typename StatusT, typename Each>
+void each_status_number(StatusT& status, Each each) {
+  each(status.work_last_voxels);
+  each(status.work_max_voxels);
+  each(status.work_bound_voxels);
+  each(status.cycle_last_us);
+  each(status.cycle_max_us);
+  for (auto& count : status.pings) {
+    each(count);
+  }
+  each(status.pings_pending);
+  each(status.nav_fused);
+  each(status.nav_rejected);
+  each(status.tiles_known);
+  each(status.tiles_dirty);
+  each(status.cells_sent);
+  each(status.link_bytes);
+  each(status.queued_bytes);
+  each(status.uplink_frames);
+  each(status.uplink_bad);
+  each(status.recorder_lost);
+}
+
+template <typename PortT, typename Each>
+void each_port_number(PortT& port, Each each) {
+  each(port.bytes_in);
+  each(port.records);
+  each(port.bad_frames);
+  each(port.dropped_bytes);
+}
+
+}  // namespace
+
+bool message_type(const std::uint8_t* payload, std::size_t size_bytes, MessageType& type) {
+  if (size_bytes == 0) {
+    return false;
+  }
+  switch (static_cast<MessageType>(payload[0])) {
+    case MessageType::kHello:
+    case MessageType::kTileDelta:
+    case MessageType::kStatus:
+    case MessageType::kText:
+    case MessageType::kResendRequest:
+    case MessageType::kLogHeader:
+    case MessageType::kLogConfig:
+    case MessageType::kLogTable:
+    case MessageType::kLogChunk:
+    case MessageType::kLogCycle:
+    case MessageType::kLogGap:
+    case MessageType::kLogEnd:
+      type = static_cast<MessageType>(payload[0]);
+      return true;
+  }
+  return false;
+}
+
+// --- Hello
+
+std::uint16_t survey_tag(std::uint64_t survey_id, std::uint32_t session) {
+  std::uint8_t bytes[12];
+  ByteWriter fields(bytes, sizeof bytes);
+  fields.u64(survey_id);
+  fields.u32(session);
+  return static_cast<std::uint16_t>(base::crc32c(bytes, sizeof bytes) & 0xFFFFU);
+}
+
+base::Result<std::size_t> encode_hello(const Hello& hello, std::uint8_t* out,
+                                       std::size_t capacity_bytes) {
+  if (hello.protocol_major != kProtocolMajor || !hello_in_range(hello)) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kHello));
+  fields.u8(hello.protocol_major);
+  fields.u8(hello.protocol_minor);
+  fields.u8(hello.tile_side_cells);
+  fields.u32(hello.schema_hash);
+  fields.u64(hello.survey_id);
+  fields.u32(hello.session);
+  fields.u32(hello.config_crc);
+  fields.i32(hello.cell_mm);
+  for (const std::int32_t size : hello.size_cells) {
+    fields.i32(size);
+  }
+  for (const std::int64_t origin : hello.origin_mm) {
+    fields.i64(origin);
+  }
+  fields.u8(hello.has_geodetic_origin);
+  fields.i64(hello.latitude_e9deg);
+  fields.i64(hello.longitude_e9deg);
+  fields.i32(hello.epsg);
+  fields.u8(hello.table_count);
+  for (std::size_t i = 0; i < hello.table_count; ++i) {
+    fields.u32(hello.table_crc[i]);
+  }
+  return fields.result();
+}
+
+base::Result<Hello> decode_hello(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kHello)) {
+    return base::Status::kInvalidArgument;
+  }
+  Hello hello{};
+  hello.protocol_major = fields.u8();
+  hello.protocol_minor = fields.u8();
+  if (!fields.truncated() && hello.protocol_major != kProtocolMajor) {
+    return base::Status::kBadVersion;
+  }
+  hello.tile_side_cells = fields.u8();
+  hello.schema_hash = fields.u32();
+  hello.survey_id = fields.u64();
+  hello.session = fields.u32();
+  hello.config_crc = fields.u32();
+  hello.cell_mm = fields.i32();
+  for (std::int32_t& size : hello.size_cells) {
+    size = fields.i32();
+  }
+  for (std::int64_t& origin : hello.origin_mm) {
+    origin = fields.i64();
+  }
+  hello.has_geodetic_origin = fields.u8();
+  hello.latitude_e9deg = fields.i64();
+  hello.longitude_e9deg = fields.i64();
+  hello.epsg = fields.i32();
+  hello.table_count = fields.u8();
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  if (!hello_in_range(hello)) {
+    return base::Status::kOutOfRange;
+  }
+  for (std::size_t i = 0; i < hello.table_count; ++i) {
+    hello.table_crc[i] = fields.u32();
+  }
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  return hello;
+}
+
+// --- Status
+
+base::Result<std::size_t> encode_status(const Status& status, std::uint8_t* out,
+                                        std::size_t capacity_bytes) {
+  if (!status_in_range(status)) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kStatus));
+  fields.i64(status.t_us);
+  fields.u32(status.cycle);
+  fields.u32(status.alarms);
+  fields.i64(status.pose_t_us);
+  fields.u8(status.pose_validity);
+  fields.u16(status.pose_epoch);
+  for (const std::int32_t position : status.position_mm) {
+    fields.i32(position);
+  }
+  fields.u16(status.roll_bam16);
+  fields.u16(status.pitch_bam16);
+  fields.u16(status.heading_bam16);
+  for (const std::uint16_t sigma : status.sigma_position_cm) {
+    fields.u16(sigma);
+  }
+  for (const std::uint16_t sigma : status.sigma_attitude_urad16) {
+    fields.u16(sigma);
+  }
+  const auto put = [&fields](std::uint32_t number) { fields.varint(number); };
+  each_status_number(status, put);
+  fields.u8(status.port_count);
+  for (std::size_t i = 0; i < status.port_count; ++i) {
+    fields.u8(status.ports[i].state);
+    each_port_number(status.ports[i], put);
+  }
+  return fields.result();
+}
+
+base::Result<Status> decode_status(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kStatus)) {
+    return base::Status::kInvalidArgument;
+  }
+  Status status{};
+  status.t_us = fields.i64();
+  status.cycle = fields.u32();
+  status.alarms = fields.u32();
+  status.pose_t_us = fields.i64();
+  status.pose_validity = fields.u8();
+  status.pose_epoch = fields.u16();
+  for (std::int32_t& position : status.position_mm) {
+    position = fields.i32();
+  }
+  status.roll_bam16 = fields.u16();
+  status.pitch_bam16 = fields.u16();
+  status.heading_bam16 = fields.u16();
+  for (std::uint16_t& sigma : status.sigma_position_cm) {
+    sigma = fields.u16();
+  }
+  for (std::uint16_t& sigma : status.sigma_attitude_urad16) {
+    sigma = fields.u16();
+  }
+  const auto take = [&fields](std::uint32_t& number) { number = fields.varint(); };
+  each_status_number(status, take);
+  status.port_count = fields.u8();
+  for (std::size_t i = 0; i < status.port_count && i < kMaxStatusPorts; ++i) {
+    status.ports[i].state = fields.u8();
+    each_port_number(status.ports[i], take);
+  }
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  if (!status_in_range(status)) {
+    return base::Status::kOutOfRange;
+  }
+  return status;
+}
+
+// --- Text
+
+Text make_text(base::TimeUs t_us, Severity severity, const char* text) {
+  Text message{};
+  message.t_us = t_us;
+  message.severity = severity;
+  if (text == nullptr) {
+    return message;
+  }
+  std::size_t size = 0;
+  while (size < kMaxText_bytes && text[size] != '\0') {
+    ++size;
+  }
+  size = clean_bytes(text, size);
+  message.size_bytes = static_cast<std::uint8_t>(size);
+  std::memcpy(message.text, text, size);
+  return message;
+}
+
+base::Result<std::size_t> encode_text(const Text& text, std::uint8_t* out,
+                                      std::size_t capacity_bytes) {
+  if (!text_in_range(text)) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kText));
+  fields.i64(text.t_us);
+  fields.u8(static_cast<std::uint8_t>(text.severity));
+  fields.u8(text.size_bytes);
+  fields.bytes(text.text, text.size_bytes);
+  return fields.result();
+}
+
+base::Result<Text> decode_text(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kText)) {
+    return base::Status::kInvalidArgument;
+  }
+  Text text{};
+  text.t_us = fields.i64();
+  text.severity = static_cast<Severity>(fields.u8());
+  text.size_bytes = fields.u8();
+  if (!fields.truncated() && text.size_bytes > kMaxText_bytes) {
+    return base::Status::kOutOfRange;
+  }
+  const std::uint8_t* const bytes = fields.bytes(text.size_bytes);
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  std::memcpy(text.text, bytes, text.size_bytes);
+  if (!text_in_range(text)) {
+    return base::Status::kOutOfRange;
+  }
+  return text;
+}
+
+// --- Resend request
+
+base::Result<std::size_t> encode_resend_request(const ResendRequest& request, std::uint8_t* out,
+                                                std::size_t capacity_bytes) {
+  if (request.range_count > kMaxResendRanges) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kResendRequest));
+  fields.u16(request.survey_tag);
+  fields.u8(request.range_count);
+  std::uint32_t end = 0;  // of the range before, and one: ranges do not touch
+  for (std::size_t i = 0; i < request.range_count; ++i) {
+    const TileRange& range = request.ranges[i];
+    if (range.first < end || range.first >= kMaxTiles || range.count < 1 ||
+        range.count > kMaxTiles - range.first) {
+      return base::Status::kOutOfRange;
+    }
+    fields.varint(range.first - end);
+    fields.varint(range.count - 1);
+    end = range.first + range.count + 1;
+  }
+  return fields.result();
+}
+
+base::Result<ResendRequest> decode_resend_request(const std::uint8_t* payload,
+                                                  std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kResendRequest)) {
+    return base::Status::kInvalidArgument;
+  }
+  ResendRequest request{};
+  request.survey_tag = fields.u16();
+  request.range_count = fields.u8();
+  if (!fields.truncated() && request.range_count > kMaxResendRanges) {
+    return base::Status::kOutOfRange;
+  }
+  std::uint64_t end = 0;
+  for (std::size_t i = 0; i < request.range_count; ++i) {
+    const std::uint64_t first = end + fields.varint();
+    const std::uint64_t count = std::uint64_t{1} + fields.varint();
+    if (fields.status() != base::Status::kOk) {
+      return fields.status();
+    }
+    if (first + count > kMaxTiles) {
+      return base::Status::kOutOfRange;
+    }
+    request.ranges[i] =
+        TileRange{static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(count)};
+    end = first + count + 1;
+  }
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  return request;
+}
+
+}  // namespace leadline::proto
