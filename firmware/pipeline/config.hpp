@@ -90,6 +90,9 @@ struct VehicleConfig {
   MountConfig mounts[kMaxMounts];
   NavigationConfig navigation;
   LinkConfig link;
+  /// Differs whenever the vehicle starts over with an empty map: the program takes it from the clock of the
+  /// day or a counter. Part of every frame's tag, and of the log.
+  std::uint32_t session;
 };
 
 }  // namespace leadline::firmware

@@ -1,29 +1,497 @@
+// Vehicle: configuration, and the cycle's steps in their order. What goes to the link: vehicle_link.cpp.
 #include "firmware/pipeline/vehicle.hpp"
 
+#include "firmware/pipeline/config_codec.hpp"
+#include "firmware/pipeline/rotation.hpp"
+#include "model/base/crc32c.hpp"
+#include "model/base/fixed.hpp"
+
 namespace leadline::firmware {
+namespace {
+
+using base::max_of;
+using base::min_of;
+using base::Ping;
+using base::Pose;
+using base::ReturnKind;
+using base::Status;
+using base::TimeUs;
+using model::Model;
+using model::TileId;
+
+// Of sensors that state a speed; NavigationConfig has no key for it.
+constexpr std::int32_t kSigmaVelocity_mm_s = 50;
+constexpr std::int32_t kLongestLever_mm = 1'000'000;
+constexpr std::uint16_t kLeastMtu_bytes = 64;
+constexpr std::uint16_t kMostMtu_bytes = 1400;
+constexpr std::int32_t kSlowestSound_mm_s = 200'000;
+constexpr std::int32_t kFastestSound_mm_s = 6'000'000;
+// Columns that one tile of the budget pays for: it reads, smooths and assesses its own, and one more share
+// for what it brings up to date around it.
+constexpr std::uint32_t kColumnsPerTile = 4 * proto::kTileArea_cells;
+// Weights of the extraction: a tile that pings wrote into, and those that only look at it.
+constexpr std::uint32_t kTouchedWeight = 64;
+constexpr std::uint32_t kNearWeight = 16;
+constexpr std::uint32_t kFarWeight = 1;
+
+bool within(std::int64_t value, std::int64_t low, std::int64_t high) {
+  return value >= low && value <= high;
+}
+
+bool is_head(Driver driver) { return driver == Driver::kPing1d || driver == Driver::kPing360; }
+
+bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
+  if (static_cast<std::uint8_t>(port.driver) > static_cast<std::uint8_t>(Driver::kNmea) ||
+      !within(port.latency_us, -10'000'000, 10'000'000)) {
+    return false;
+  }
+  return !is_head(port.driver) ||
+         (port.mount < mount_count && port.min_range_um >= 0 &&
+          port.max_range_um > port.min_range_um && port.max_range_um <= base::kMaxRange_um &&
+          port.ping_interval_us >= 0);
+}
+
+bool link_sound(const LinkConfig& link) {
+  return link.rate_bytes_s > 0 && within(link.mtu_bytes, kLeastMtu_bytes, kMostMtu_bytes) &&
+         link.status_interval_us > 0 && link.hello_interval_us > 0;
+}
+
+bool mount_sound(const MountConfig& mount) {
+  for (const std::int32_t arm : mount.lever_arm_mm) {
+    if (!within(arm, -kLongestLever_mm, kLongestLever_mm)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Fields that the rest relies on; codecs are trusted with the rest.
+bool ping_sound(const Ping& ping, std::uint16_t mount_count) {
+  return ping.mount < mount_count &&
+         within(ping.t_transmit_us, -estimator::kMaxTime_us, estimator::kMaxTime_us) &&
+         ping.t_receive_us >= ping.t_transmit_us &&
+         ping.t_receive_us - ping.t_transmit_us <= 60'000'000;
+}
+
+}  // namespace
 
 const char* ping_loss_name(PingLoss loss) {
   switch (loss) {
     case PingLoss::kShed:
       return "shed";
-    case PingLoss::kNoPoseBefore:
-      return "no_pose_before";
+    case PingLoss::kNoPose:
+      return "no_pose";
     case PingLoss::kPoseGap:
       return "pose_gap";
     case PingLoss::kPoseEpoch:
       return "pose_epoch";
-    case PingLoss::kPoseLate:
-      return "pose_late";
-    case PingLoss::kPoseInvalid:
-      return "pose_invalid";
-    case PingLoss::kTooLong:
-      return "too_long";
-    case PingLoss::kNoEcho:
-      return "no_echo";
+    case PingLoss::kPaused:
+      return "paused";
+    case PingLoss::kBad:
+      return "bad";
     case PingLoss::kCount:
       break;
   }
   return "unknown";
+}
+
+Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) const {
+  if (config.schema_version != kVehicleConfigSchemaVersion) {
+    return Status::kBadVersion;
+  }
+  if (config.port_count > kMaxPorts || config.mount_count > kMaxMounts || config.table_count < 1 ||
+      config.table_count > proto::kMaxHelloTables || config.cycle_tile_budget < 1 ||
+      !within(config.sound_speed_mm_s, kSlowestSound_mm_s, kFastestSound_mm_s) ||
+      !link_sound(config.link) || config.navigation.max_wait_us < 0) {
+    return Status::kOutOfRange;
+  }
+  if (table_count != config.table_count) {
+    return Status::kInvalidArgument;
+  }
+  for (int port = 0; port < config.port_count; ++port) {
+    if (!port_sound(config.ports[port], config.mount_count)) {
+      return Status::kOutOfRange;
+    }
+  }
+  for (int mount = 0; mount < config.mount_count; ++mount) {
+    if (!mount_sound(config.mounts[mount])) {
+      return Status::kOutOfRange;
+    }
+    if (config.mounts[mount].table != 0) {
+      return Status::kInvalidArgument;
+    }
+  }
+  return Status::kOk;
+}
+
+estimator::NavigatorConfig Vehicle::navigator_config() const {
+  const NavigationConfig& from = config_.navigation;
+  estimator::NavigatorConfig to{};
+  to.has_origin = from.has_origin != 0;
+  to.origin = {from.origin_latitude_e9deg, from.origin_longitude_e9deg};
+  to.magnetic_variation_bam32 = from.magnetic_variation_bam32;
+  to.surface_pressure_pa = from.surface_pressure_pa;
+  to.water_density_g_m3 = from.water_density_g_m3;
+  to.gravity_um_s2 = from.gravity_um_s2;
+  to.sigma_fix_mm = from.sigma_fix_mm;
+  to.sigma_depth_mm = from.sigma_depth_mm;
+  to.sigma_attitude_urad = from.sigma_attitude_urad;
+  to.sigma_heading_urad = from.sigma_heading_urad;
+  to.sigma_velocity_mm_s = kSigmaVelocity_mm_s;
+  to.acceleration_mm_s2 = from.acceleration_mm_s2;
+  to.angular_acceleration_urad_s2 = from.angular_acceleration_urad_s2;
+  to.max_gap_us = from.max_gap_us;
+  return to;
+}
+
+Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
+                          std::size_t table_count) {
+  configured_ = false;
+  Status status = check(config, table_count);
+  if (status != Status::kOk) {
+    return status;
+  }
+  config_ = config;
+  status = navigator_.configure(navigator_config());
+  if (status != Status::kOk) {
+    return status;
+  }
+  status = model_.configure(config.model, tables[0].bytes, tables[0].size_bytes);
+  if (status != Status::kOk) {
+    return status;
+  }
+  for (std::size_t i = 0; i < table_count; ++i) {
+    status = model::check_table(tables[i].bytes, tables[i].size_bytes);
+    if (status != Status::kOk) {
+      return status;
+    }
+    table_crc_[i] = base::crc32c(tables[i].bytes, tables[i].size_bytes);
+  }
+  const base::Result<std::size_t> blob = encode_config(config_, payload_.data(), payload_.size());
+  config_crc_ = base::crc32c(payload_.data(), blob.value());
+  survey_tag_ = proto::survey_tag(config_.survey_id, config_.session);
+  counters_ = VehicleCounters{};
+  watch_ = Watch{};
+  first_cycle_ = true;
+  tick_ = 0;
+  pending_.clear();
+  has_ready_ = false;
+  const TileId tile_count = model_.grid().tile_count();
+  stale_.reset(tile_count);
+  unsent_.reset(tile_count);
+  link_map_.reset(tile_count);
+  downlink_.configure(config_.link.rate_bytes_s, config_.link.mtu_bytes);
+  uplink_.decoder().reset();
+  uplink_bad_ = uplink_errors();
+  alarms_said_ = 0;
+  texts_due_ = 0;
+  configure_ports();
+  configured_ = true;
+  return Status::kOk;
+}
+
+void Vehicle::configure_ports() {
+  for (int i = 0; i < kMaxPorts; ++i) {
+    PortConfig port = config_.ports[i];
+    if (i >= config_.port_count) {
+      port.driver = Driver::kNone;
+    }
+    ports_[i].configure(port, config_.sound_speed_mm_s);
+    detector_[i] = model::EchoDetectorConfig{model_.table().detection_fraction_q16,
+                                             port.min_range_um, port.max_range_um};
+  }
+}
+
+void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
+  output = CycleOutput{};
+  if (!configured_) {
+    return;
+  }
+  const TimeUs elapsed_us = begin_cycle(input.t_us);
+  downlink_.begin_cycle(elapsed_us, input.downlink_room_bytes);
+  take_chunks(input);
+  navigator_.tick(now_us_);
+  map_pings();
+  note_touched_tiles();
+  extract_tiles();
+  update_alarms();
+  send_hello();
+  send_status();
+  send_texts();
+  send_deltas();
+  output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
+  for (int port = 0; port < config_.port_count; ++port) {
+    const std::size_t size =
+        ports_[port].request(now_us_, requests_[port].data(), requests_[port].size());
+    output.device_requests[port] = OutputSpan{requests_[port].data(), size};
+  }
+  count_levels();
+}
+
+// Time since the cycle before; a clock that went back stands still.
+TimeUs Vehicle::begin_cycle(TimeUs t_us) {
+  ++counters_.cycles;
+  const TimeUs limited = base::clamp(t_us, -estimator::kMaxTime_us, estimator::kMaxTime_us);
+  if (first_cycle_) {
+    first_cycle_ = false;
+    now_us_ = limited;
+    before_us_ = limited;
+    for (TimeUs& heard_us : watch_.last_record_us) {
+      heard_us = limited;
+    }
+    watch_.status_due_us = limited;
+    watch_.hello_due_us = limited;
+    return 0;
+  }
+  before_us_ = now_us_;
+  if (limited < now_us_) {
+    ++counters_.cycle_time_clamped;
+    return 0;
+  }
+  now_us_ = limited;
+  // Ages count in 32.768 ms, whatever the rate of the cycles.
+  tick_ = static_cast<std::uint32_t>(static_cast<std::uint64_t>(now_us_) >> 15U);
+  return now_us_ - before_us_;
+}
+
+void Vehicle::take_chunks(const CycleInput& input) {
+  std::size_t room = kMaxCycleBytes;
+  for (std::size_t i = 0; i < input.chunk_count; ++i) {
+    const InputChunk& chunk = input.chunks[i];
+    const std::size_t size = min_of<std::size_t>(chunk.size_bytes, room);
+    counters_.bytes_over_limit += chunk.size_bytes - size;
+    room -= size;
+    take_chunk(chunk, size);
+  }
+}
+
+void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
+  if (chunk.data == nullptr || (chunk.port >= config_.port_count && chunk.port != kUplinkPort)) {
+    ++counters_.chunks_ignored;
+    return;
+  }
+  if (chunk.port == kUplinkPort) {
+    take_uplink(chunk.data, size_bytes);
+    return;
+  }
+  const TimeUs t_us = base::clamp(chunk.t_arrival_us, before_us_, now_us_);
+  counters_.chunk_time_clamped += t_us != chunk.t_arrival_us ? 1U : 0U;
+  take_device_bytes(chunk.port, chunk.data, size_bytes,
+                    t_us - config_.ports[chunk.port].latency_us);
+}
+
+void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std::size_t size_bytes,
+                                TimeUs t_us) {
+  DevicePort& device = ports_[port];
+  PortTally& tally = counters_.ports[port];
+  tally.bytes += size_bytes;
+  DeviceRecord record;
+  for (std::size_t i = 0; i < size_bytes; ++i) {
+    for (RecordKind kind = device.feed(data[i], t_us, record); kind != RecordKind::kNone;
+         kind = device.next(record)) {
+      ++tally.records;
+      watch_.last_record_us[port] = now_us_;
+      if (kind == RecordKind::kPing) {
+        take_ping(record.ping);
+      } else {
+        ++counters_.nav_samples;
+        navigator_.take(record.sample);
+      }
+    }
+  }
+  tally.rejected = device.rejected();
+}
+
+void Vehicle::take_ping(const Ping& ping) {
+  ++counters_.pings_in;
+  if (!ping_sound(ping, config_.mount_count)) {
+    lose(PingLoss::kBad);
+    return;
+  }
+  Status status = pending_.push(ping);
+  // The oldest give way: a map of where the vehicle is beats one of where it was.
+  while (status == Status::kFull) {
+    pending_.pop();
+    has_ready_ = false;
+    lose(PingLoss::kShed);
+    status = pending_.push(ping);
+  }
+  if (status != Status::kOk) {
+    lose(PingLoss::kBad);
+  }
+}
+
+void Vehicle::lose(PingLoss loss) { ++counters_.pings_lost[static_cast<int>(loss)]; }
+
+// The oldest pending ping with its echo found: once, however long it waits.
+void Vehicle::make_ready() {
+  if (has_ready_) {
+    return;
+  }
+  has_ready_ = true;
+  ready_ = pending_.front();
+  if (ready_.kind != ReturnKind::kProfile) {
+    return;
+  }
+  std::size_t port = 0;
+  while (port + 1 < static_cast<std::size_t>(config_.port_count) &&
+         !(is_head(config_.ports[port].driver) && config_.ports[port].mount == ready_.mount)) {
+    ++port;
+  }
+  const model::EchoDetection echo = model::detect_echo(ready_.profile, detector_[port]);
+  ready_.profile = base::RangeProfile{};
+  if (!echo.found) {
+    ++counters_.profiles_undetected;
+    ready_.kind = ReturnKind::kNoReturn;
+    return;
+  }
+  ++counters_.profiles_detected;
+  ready_.kind = ReturnKind::kRange;
+  ready_.range_um = echo.range_um;
+  ready_.quality = echo.quality;
+  // Two ways at the speed of sound: um / (mm/s) = ms.
+  const TimeUs travel_us = 2 * echo.range_um * 1000 / config_.sound_speed_mm_s;
+  ready_.t_receive_us = ready_.t_transmit_us + max_of<TimeUs>(travel_us, 0);
+}
+
+// Pose of the ping's head. False: `wait` for a later pose, or lost for the reason in `loss`.
+bool Vehicle::pose_for(const Ping& ping, Pose& pose, PingLoss& loss, bool& wait) const {
+  const estimator::PoseHistory& history = navigator_.history();
+  const base::Result<Pose> transmit = history.at(ping.t_transmit_us);
+  const base::Result<Pose> receive = history.at(ping.t_receive_us);
+  wait = false;
+  for (const base::Result<Pose>& result : {transmit, receive}) {
+    const Status status = result.status();
+    if (status == Status::kNotReady || status == Status::kEmpty) {
+      wait = now_us_ - ping.t_receive_us <= config_.navigation.max_wait_us;
+      loss = PingLoss::kNoPose;
+      return false;
+    }
+    if (status != Status::kOk) {
+      loss = status == Status::kOutOfRange      ? PingLoss::kPoseGap
+             : status == Status::kEpochMismatch ? PingLoss::kPoseEpoch
+                                                : PingLoss::kNoPose;
+      return false;
+    }
+  }
+  if (transmit.value().epoch != receive.value().epoch) {
+    loss = PingLoss::kPoseEpoch;
+    return false;
+  }
+  const Pose between = middle(transmit.value(), receive.value());
+  if (!certain_enough(between)) {
+    loss = PingLoss::kPaused;
+    return false;
+  }
+  pose = pose_of_mount(between, config_.mounts[ping.mount]);
+  return true;
+}
+
+// A footprint of kMaxFootprintCells holds 2.2 sigma: what is less certain than that would be cut, and said
+// to lie where nobody knows that it does.
+bool Vehicle::certain_enough(const Pose& pose) const {
+  const std::int64_t limit_mm =
+      static_cast<std::int64_t>(model::kMaxFootprintCells) * config_.model.cell_mm * 10 / 22;
+  return pose.covariance.sigma_position_mm[base::kNorth] <= limit_mm &&
+         pose.covariance.sigma_position_mm[base::kEast] <= limit_mm;
+}
+
+void Vehicle::map_pings() {
+  std::uint32_t written = 0;
+  const std::uint32_t bound = model_.bound().total_voxels;
+  bool any = false;
+  while (!pending_.empty()) {
+    // One ping goes through whatever the budget is, or nothing ever would.
+    if (any && config_.cycle_voxel_budget != 0 &&
+        static_cast<std::uint64_t>(written) + bound > config_.cycle_voxel_budget) {
+      break;
+    }
+    make_ready();
+    Pose pose{};
+    PingLoss loss = PingLoss::kNoPose;
+    bool wait = false;
+    if (pose_for(ready_, pose, loss, wait)) {
+      static_cast<void>(model_.integrate(ready_, pose));
+      ++counters_.pings_mapped;
+      written += model_.counters().last_voxels_per_ping;
+      any = true;
+      watch_.paused = false;
+    } else if (wait) {
+      break;
+    } else {
+      lose(loss);
+      watch_.paused = loss == PingLoss::kPaused || watch_.paused;
+    }
+    pending_.pop();
+    has_ready_ = false;
+  }
+  counters_.work_last_voxels = written;
+  counters_.work_max_voxels = max_of(counters_.work_max_voxels, written);
+}
+
+// What pings touched is stale, and what looks that far.
+void Vehicle::note_touched_tiles() {
+  const model::Grid& grid = model_.grid();
+  constexpr std::int32_t kReach = Model::kInfluenceTiles;
+  TileId tile = 0;
+  while (model_.take_touched_tile(tile)) {
+    const auto row = static_cast<std::int32_t>(tile) / grid.tiles_east();
+    const auto column = static_cast<std::int32_t>(tile) % grid.tiles_east();
+    const std::int32_t row1 = min_of(row + kReach, grid.tiles_north() - 1);
+    const std::int32_t column1 = min_of(column + kReach, grid.tiles_east() - 1);
+    for (std::int32_t n = max_of(row - kReach, 0); n <= row1; ++n) {
+      for (std::int32_t e = max_of(column - kReach, 0); e <= column1; ++e) {
+        const auto other = static_cast<TileId>(n * grid.tiles_east() + e);
+        const model::TileRecord& record = grid.tile(other);
+        if (record.generation == 0) {
+          continue;  // never touched: nothing in it can be known
+        }
+        const bool near = within(n - row, -1, 1) && within(e - column, -1, 1);
+        std::uint32_t weight = near ? kNearWeight : kFarWeight;
+        if (other == tile) {
+          weight = kTouchedWeight + (record.generation - record.generation_read);
+        }
+        stale_.add(other, weight, tick_);
+      }
+    }
+  }
+}
+
+void Vehicle::extract_tiles() {
+  const std::uint64_t budget =
+      static_cast<std::uint64_t>(config_.cycle_tile_budget) * kColumnsPerTile;
+  std::uint64_t columns = 0;
+  TileId tile = 0;
+  for (std::uint32_t done = 0; done < config_.cycle_tile_budget && columns < budget; ++done) {
+    if (!stale_.best(tick_, tile)) {
+      return;
+    }
+    stale_.remove(tile);
+    const model::TileWork work = model_.extract_tile(tile);
+    columns += work.columns_read + work.columns_smoothed + work.columns_assessed;
+    ++counters_.tiles_extracted;
+    compare_tile(tile);
+  }
+}
+
+// Whether the link is owed anything of the tile.
+void Vehicle::compare_tile(TileId tile) {
+  TileCells present;
+  link_map_.present(model_, tile, present);
+  const int owed = link_map_.owed(tile, present).count();
+  if (owed > 0) {
+    unsent_.add(tile, static_cast<std::uint32_t>(owed), tick_);
+  } else {
+    unsent_.remove(tile);
+  }
+}
+
+void Vehicle::count_levels() {
+  counters_.pings_pending = static_cast<std::uint32_t>(pending_.size());
+  counters_.tiles_stale = static_cast<std::uint32_t>(stale_.size());
+  counters_.tiles_unsent = static_cast<std::uint32_t>(unsent_.size());
+  counters_.downlink_bytes = downlink_.total_bytes();
+  counters_.downlink_frames = downlink_.total_frames();
 }
 
 }  // namespace leadline::firmware

@@ -5,14 +5,26 @@
 // and the sequence of its inputs alone. Not thread-safe: one owner.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
+#include "estimator/navigator.hpp"
 #include "firmware/pipeline/config.hpp"
+#include "firmware/pipeline/device_port.hpp"
+#include "firmware/pipeline/downlink.hpp"
+#include "firmware/pipeline/link_map.hpp"
+#include "firmware/pipeline/ping_queue.hpp"
+#include "firmware/pipeline/tile_set.hpp"
 #include "model/base/pose.hpp"
 #include "model/base/status.hpp"
 #include "model/base/units.hpp"
+#include "model/echo_detector.hpp"
 #include "model/model.hpp"
+#include "proto/cell.hpp"
+#include "proto/framing.hpp"
+#include "proto/messages.hpp"
+#include "proto/tile_coder.hpp"
 
 namespace leadline::firmware {
 
@@ -22,8 +34,6 @@ inline constexpr std::uint8_t kUplinkPort = 255;
 /// Most bytes that one cycle takes from all its chunks together; what is beyond is dropped and counted.
 /// Whoever reads the ports offers no more.
 inline constexpr std::size_t kMaxCycleBytes = 65536;
-/// Most bytes of frames that one cycle makes.
-inline constexpr std::size_t kDownlinkCapacity_bytes = 16384;
 /// Most bytes that a device is owed in one cycle.
 inline constexpr std::size_t kRequestCapacity_bytes = 256;
 
@@ -61,28 +71,17 @@ struct TableBlock {
   std::size_t size_bytes;
 };
 
-/// Bits of VehicleCounters::alarms and of the status message: what is wrong now.
-enum Alarm : std::uint32_t {
-  kAlarmMappingPaused = 1U << 0U,   ///< pings arrive, none of the last second's was mapped
-  kAlarmNoPose = 1U << 1U,          ///< no pose within max_gap_us
-  kAlarmShedding = 1U << 2U,        ///< the ping queue overflowed within the last second
-  kAlarmNavigationJump = 1U << 3U,  ///< the epoch changed within the last 10 s
-  kAlarmLinkBehind = 1U << 4U,      ///< tiles wait for the link longer than 10 s
-  kAlarmClock = 1U << 5U,           ///< the time of a cycle or chunk broke its contract, last 10 s
-};
-
 /// Why a ping that a codec delivered did not reach the model.
 enum class PingLoss : std::uint8_t {
-  kShed = 0,          ///< the queue was full: the oldest gave way
-  kNoPoseBefore = 1,  ///< older than the pose history
-  kPoseGap = 2,       ///< poses on its two sides are too far apart
-  kPoseEpoch = 3,     ///< navigation jumped during the ping
-  kPoseLate = 4,      ///< no pose came within max_wait_us
-  kPoseInvalid = 5,   ///< a validity bit is missing
-  kTooLong = 6,       ///< more profile bins than there is room for
-  kNoEcho = 7,  ///< profile without a detectable echo: goes to the model as no return, not lost
-  kCount = 8,
+  kShed = 0,       ///< the queue was full: the oldest gave way
+  kNoPose = 1,     ///< no pose came within max_wait_us, or the ping is older than all poses
+  kPoseGap = 2,    ///< poses on its two sides are too far apart
+  kPoseEpoch = 3,  ///< navigation jumped during the ping
+  kPaused = 4,     ///< position less certain than any footprint is wide (kPauseSigma)
+  kBad = 5,        ///< fields out of range
+  kCount = 6,
 };
+/// Short name for statistics (`shed`, ...).
 [[nodiscard]] const char* ping_loss_name(PingLoss loss);
 
 /// Of one device port. Never decremented.
@@ -92,7 +91,8 @@ struct PortTally {
   std::uint64_t rejected;  ///< frames that the codec dropped, for any reason
 };
 
-/// What the vehicle has seen since configure(). Never decremented but where stated.
+/// What the vehicle has seen since configure(). Never decremented but where stated. Every ping that came in
+/// is pending, lost or mapped: pings_in = pings_pending + sum(pings_lost) + pings_mapped.
 struct VehicleCounters {
   std::uint64_t cycles;
   std::uint64_t chunks_ignored;      ///< unknown port, or no data
@@ -100,24 +100,29 @@ struct VehicleCounters {
   std::uint64_t cycle_time_clamped;  ///< t_us of a cycle went back
   std::uint64_t chunk_time_clamped;  ///< arrival before the cycle before, or behind its own cycle
   std::uint64_t pings_in;            ///< records of sonar codecs
-  std::uint64_t pings_mapped;        ///< handed to the model (its counters say what became of them)
+  std::uint64_t pings_mapped;  ///< handed to the model, whose counters say what became of them
   std::uint64_t pings_lost[static_cast<int>(PingLoss::kCount)];
+  std::uint64_t profiles_detected;    ///< profiles with an echo
+  std::uint64_t profiles_undetected;  ///< without: mapped as no return
   std::uint64_t nav_samples;
   std::uint64_t tiles_extracted;
-  std::uint64_t tile_deltas;     ///< delta frames queued
-  std::uint64_t cells_sent;      ///< cells in them
-  std::uint64_t downlink_bytes;  ///< all frames, framing included
+  std::uint64_t tile_deltas;    ///< frames of tile deltas
+  std::uint64_t delta_bytes;    ///< in them, framing included
+  std::uint64_t cells_sent;     ///< cells in them, those of resends included
+  std::uint64_t cells_changed;  ///< of these, cells whose coded value had changed
   std::uint64_t downlink_frames;
-  std::uint64_t delta_bytes;  ///< frames of tile deltas, framing included
+  std::uint64_t downlink_bytes;  ///< all frames, framing included
   std::uint64_t uplink_frames;
-  std::uint64_t uplink_rejected;  ///< unknown or malformed messages, bad frames
+  std::uint64_t uplink_rejected;  ///< bad frames, malformed or unknown messages, another survey's
   std::uint64_t resend_requests;
   PortTally ports[kMaxPorts];
   // Levels, not counts: as of the last cycle.
   std::uint32_t pings_pending;
-  std::uint32_t tiles_stale;   ///< to be extracted
-  std::uint32_t tiles_unsent;  ///< extracted, with cells that the link does not have
-  std::uint32_t alarms;        ///< Alarm bits
+  std::uint32_t tiles_stale;       ///< to be extracted
+  std::uint32_t tiles_unsent;      ///< extracted, with cells that the link does not have
+  std::uint32_t work_last_voxels;  ///< written in the last cycle
+  std::uint32_t work_max_voxels;   ///< most in any cycle
+  std::uint32_t alarms;            ///< proto::Alarm bits
 };
 
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): configure() writes everything that is read.
@@ -151,19 +156,98 @@ class Vehicle {
   /// 64-bit FNV-1a over all voxels (Grid::map_hash): O(grid).
   [[nodiscard]] std::uint64_t map_hash() const { return model_.grid().map_hash(); }
   /// 64-bit FNV-1a over every downlink byte since configure(). O(1).
-  [[nodiscard]] std::uint64_t link_hash() const { return link_hash_; }
+  [[nodiscard]] std::uint64_t link_hash() const { return downlink_.hash(); }
+  /// CRC-32C of the same bytes. O(1).
+  [[nodiscard]] std::uint32_t downlink_crc() const { return downlink_.crc(); }
+  /// Hash of the map as the link has it (proto/cell.hpp "link_hash"): what a receiver that missed nothing
+  /// computes from its own tiles. O(grid).
+  [[nodiscard]] std::uint64_t cells_hash() const { return link_map_.hash(); }
+  /// The 256 cells of a tile as last queued for the link.
+  [[nodiscard]] const proto::CodedCell* link_cells(model::TileId tile) const {
+    return link_map_.cells(tile);
+  }
   /// Nothing left to do without new input: no ping pending, no tile stale or unsent. Cycles without
   /// input lead here.
-  [[nodiscard]] bool drained() const;
+  [[nodiscard]] bool drained() const {
+    return pending_.empty() && stale_.size() == 0 && unsent_.size() == 0;
+  }
   /// Newest pose of the reference point; validity 0 when there is none.
-  [[nodiscard]] const base::Pose& latest_pose() const { return latest_pose_; }
+  [[nodiscard]] const base::Pose& latest_pose() const { return navigator_.latest(); }
+  [[nodiscard]] const estimator::Navigator& navigator() const { return navigator_; }
 
  private:
+  /// Alarms and their times, for the status message.
+  struct Watch {
+    base::TimeUs last_record_us[kMaxPorts];
+    base::TimeUs status_due_us;
+    base::TimeUs hello_due_us;
+    std::uint64_t shed_at_status;
+    std::uint64_t clamped_at_status;
+    std::uint64_t over_limit_at_status;
+    std::uint16_t epoch_at_status;
+    bool origin_said;  ///< a hello has told where NED has its zero
+    bool paused;       ///< the last ping was refused for want of a good pose
+  };
+
+  [[nodiscard]] base::Status check(const VehicleConfig& config, std::size_t table_count) const;
+  void configure_ports();
+  [[nodiscard]] estimator::NavigatorConfig navigator_config() const;
+  [[nodiscard]] base::TimeUs begin_cycle(base::TimeUs t_us);
+  void take_chunks(const CycleInput& input);
+  void take_chunk(const InputChunk& chunk, std::size_t size_bytes);
+  void take_device_bytes(std::uint8_t port, const std::uint8_t* data, std::size_t size_bytes,
+                         base::TimeUs t_us);
+  void take_ping(const base::Ping& ping);
+  void take_uplink(const std::uint8_t* data, std::size_t size_bytes);
+  [[nodiscard]] std::uint32_t uplink_errors();
+  void resend(const proto::ResendRequest& request);
+  void map_pings();
+  void make_ready();
+  [[nodiscard]] bool pose_for(const base::Ping& ping, base::Pose& pose, PingLoss& loss,
+                              bool& wait) const;
+  [[nodiscard]] bool certain_enough(const base::Pose& pose) const;
+  void lose(PingLoss loss);
+  void note_touched_tiles();
+  void extract_tiles();
+  void compare_tile(model::TileId tile);
+  void send_hello();
+  void send_status();
+  void send_texts();
+  void send_deltas();
+  [[nodiscard]] bool fill_packet(proto::TilePacketEncoder& packet);
+  void fill_status(proto::Status& status) const;
+  [[nodiscard]] std::uint32_t alarms_now() const;
+  void update_alarms();
+  void count_levels();
+
   VehicleConfig config_{};
+  bool configured_ = false;
+  base::TimeUs now_us_ = 0;
+  base::TimeUs before_us_ = 0;  ///< of the cycle before
+  bool first_cycle_ = true;
+  std::uint32_t tick_ = 0;  ///< now_us_ >> 15: the clock of ages
   VehicleCounters counters_{};
   model::Model model_;
-  base::Pose latest_pose_{};
-  std::uint64_t link_hash_ = 0;
+  std::uint32_t table_crc_[proto::kMaxHelloTables] = {};
+  std::uint32_t config_crc_ = 0;
+  std::uint16_t survey_tag_ = 0;
+  model::EchoDetectorConfig detector_[kMaxPorts] = {};
+  DevicePort ports_[kMaxPorts];
+  estimator::Navigator navigator_;
+  PingQueue pending_;
+  base::Ping ready_{};  ///< the oldest pending ping, its echo detected
+  bool has_ready_ = false;
+  TileSet stale_;
+  TileSet unsent_;
+  LinkMap link_map_;
+  Downlink downlink_;
+  proto::FrameDecoderBuffer<proto::kMaxResendRequest_bytes> uplink_;
+  std::uint32_t uplink_bad_ = 0;  ///< frames that its decoder had dropped when last looked at
+  Watch watch_{};
+  std::uint32_t alarms_said_ = 0;  ///< bits that a text has reported
+  std::uint32_t texts_due_ = 0;    ///< bits that a text is owed for
+  std::array<std::uint8_t, proto::kMaxPayload_bytes> payload_{};
+  std::array<std::uint8_t, kRequestCapacity_bytes> requests_[kMaxPorts] = {};
 };
 
 }  // namespace leadline::firmware

@@ -15,7 +15,7 @@ constexpr std::uint16_t kTransducer = 2601;
 constexpr std::uint16_t kAutoTransmit = 2602;
 constexpr std::uint16_t kMotorOff = 2903;
 
-constexpr std::uint8_t kMode = 1;
+constexpr std::uint8_t kMode = 1;  // asked for; a real head answers with 0 as well
 constexpr std::int64_t kMinPeriod_ticks = 80;
 constexpr std::int64_t kMaxPeriod_ticks = 40'000;
 constexpr std::int64_t kTicksPerUs = 40;  // 25 ns
@@ -161,7 +161,7 @@ bool Ping360Codec::take_data(const PingFrame& frame, base::Ping& ping) {
   const std::uint16_t data_count = read_u16_le(payload + tail + 2);
   const std::uint16_t period = read_u16_le(payload + 6);
   const std::uint16_t frequency_khz = read_u16_le(payload + 8);
-  const bool plausible = payload[0] == kMode && payload[1] <= 2 &&
+  const bool plausible = payload[0] <= kMode && payload[1] <= 2 &&
                          read_u16_le(payload + 2) < kPing360Turn_grad &&
                          period >= kMinPeriod_ticks && period <= kMaxPeriod_ticks &&
                          frequency_khz >= kMinFrequency_khz && frequency_khz <= kMaxFrequency_khz &&

@@ -76,6 +76,18 @@ constexpr std::array<PingMessage, kCommon.size() + kCount> with_common(
   return all;
 }
 
+template <std::size_t kCount>
+constexpr bool all_fit(const std::array<PingMessage, kCount>& messages) {
+  for (std::size_t i = 0; i < kCount; ++i) {
+    if (messages[i].max_bytes > kMaxPingPayload_bytes) {
+      return false;
+    }
+  }
+  return true;
+}
+static_assert(all_fit(kPing1d) && all_fit(kPing360) && all_fit(kCommon),
+              "a frame that outgrows the buffer would never be complete");
+
 constexpr auto kPing1dTable = with_common(kPing1d);
 constexpr auto kPing360Table = with_common(kPing360);
 

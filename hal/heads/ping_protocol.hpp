@@ -20,8 +20,8 @@ inline constexpr std::size_t kPingHeader_bytes = 8;
 inline constexpr std::size_t kPingOverhead_bytes = 10;  ///< header and checksum
 /// Most intensities in one message: Ping360's limit; Ping1D sends 200. Inclusive.
 inline constexpr std::size_t kMaxPingSamples = 1200;
-/// Longest payload that any table may let through (2301 with all its samples). Inclusive.
-inline constexpr std::size_t kMaxPingPayload_bytes = 20 + kMaxPingSamples;
+/// Longest payload that any table may let through (1300 with all its samples). Inclusive.
+inline constexpr std::size_t kMaxPingPayload_bytes = 26 + kMaxPingSamples;
 inline constexpr std::size_t kMaxPingFrame_bytes = kMaxPingPayload_bytes + kPingOverhead_bytes;
 
 /// Values of device_information.device_type. Message ids mean different things to different devices,

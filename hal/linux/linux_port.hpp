@@ -40,6 +40,8 @@ class LinuxPort : public BytePort {
   [[nodiscard]] virtual int last_errno() const = 0;
   /// Datagrams that the kernel dropped because nobody took them in time (SO_RXQ_OVFL).
   [[nodiscard]] virtual std::uint32_t kernel_drops() const { return 0; }
+  /// Whether each read() and write() is one datagram, lost whole or cut where there is no room for it.
+  [[nodiscard]] virtual bool datagrams() const { return false; }
   /// Port that a listening socket got; 0 for others.
   [[nodiscard]] virtual std::uint16_t local_port() const { return 0; }
 };
@@ -53,8 +55,8 @@ struct PortResult {
   std::string error;  ///< empty: port is there
 };
 
-/// Resolves a host name (this may block) and makes the port; a first attempt to open it is made. A
-/// device that is not there is no error: it may come. Errors: a host name without address, an address
+/// Resolves a host name (this may block) and makes the port; the first service() opens it. A device
+/// that is not there is no error: it may come. Errors: a host name without address, an address
 /// to listen on that is taken.
 [[nodiscard]] PortResult make_port(const UriSpec& spec, FileUse file_use = FileUse::kRead);
 

@@ -34,18 +34,9 @@ class Deadline {
   Clock::time_point end_;
 };
 
-void put(std::uint8_t* out, std::uint64_t value, int bytes) {
-  for (int i = 0; i < bytes; ++i) {
-    out[i] = static_cast<std::uint8_t>(value >> (8 * i));
-  }
-}
-
-std::uint64_t take(const std::uint8_t* in, int bytes) {
-  std::uint64_t value = 0;
-  for (int i = 0; i < bytes; ++i) {
-    value |= static_cast<std::uint64_t>(in[i]) << (8 * i);
-  }
-  return value;
+void write_u64_le(std::uint8_t* out, std::uint64_t value) {
+  write_u32_le(out, static_cast<std::uint32_t>(value));
+  write_u32_le(out + 4, static_cast<std::uint32_t>(value >> 32U));
 }
 
 bool goes_back(const LockstepCounts& now, const LockstepCounts& before) {
@@ -130,11 +121,11 @@ LockstepStatus LockstepChannel::send(const LockstepMessage& message, int timeout
     return LockstepStatus::kPeerGone;
   }
   std::array<std::uint8_t, kMessage_bytes> bytes{};
-  put(bytes.data(), kMagic, 4);
-  put(bytes.data() + 4, message.kind, 4);
-  put(bytes.data() + 8, static_cast<std::uint64_t>(message.t_us), 8);
+  write_u32_le(bytes.data(), kMagic);
+  write_u32_le(bytes.data() + 4, message.kind);
+  write_u64_le(bytes.data() + 8, static_cast<std::uint64_t>(message.t_us));
   for (std::size_t i = 0; i < message.counts.bytes.size(); ++i) {
-    put(bytes.data() + 16 + 8 * i, message.counts.bytes[i], 8);
+    write_u64_le(bytes.data() + 16 + 8 * i, message.counts.bytes[i]);
   }
   const Deadline deadline(timeout_ms);
   std::size_t sent = 0;
@@ -183,13 +174,13 @@ LockstepStatus LockstepChannel::receive(LockstepMessage& message, int timeout_ms
     (void)::poll(&wait, 1, deadline.left_ms());
   }
   filled_ = 0;
-  if (take(buffer_.data(), 4) != kMagic) {
+  if (read_u32_le(buffer_.data()) != kMagic) {
     return LockstepStatus::kProtocol;
   }
-  message.kind = static_cast<std::uint32_t>(take(buffer_.data() + 4, 4));
-  message.t_us = static_cast<base::TimeUs>(take(buffer_.data() + 8, 8));
+  message.kind = read_u32_le(buffer_.data() + 4);
+  message.t_us = static_cast<base::TimeUs>(read_u64_le(buffer_.data() + 8));
   for (std::size_t i = 0; i < message.counts.bytes.size(); ++i) {
-    message.counts.bytes[i] = take(buffer_.data() + 16 + 8 * i, 8);
+    message.counts.bytes[i] = read_u64_le(buffer_.data() + 16 + 8 * i);
   }
   return LockstepStatus::kOk;
 }

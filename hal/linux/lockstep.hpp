@@ -10,7 +10,9 @@
 //                                                   writes requests
 //   reads exactly those requests             <----- answer {t_us, request bytes written to each port}
 //
-// All counts are cumulative since the connection. Grants end with finish(): the vehicle stops in order.
+// All counts are cumulative since the ports were made. The vehicle waits for the bytes of open ports only;
+// those of a port that is closed (unplugged) come when it is open again. The link's uplink has no
+// emulator at its other end: the vehicle takes what is there. Grants end with finish(): the vehicle stops in order.
 // A message is 4 + 4 + 8 + 16 * 8 bytes, little-endian: magic, kind, t_us, counts.
 #pragma once
 
@@ -22,7 +24,7 @@
 
 namespace leadline::hal {
 
-/// Counts per message: device ports by number, the link's uplink last.
+/// Counts per message: device ports by number, the link last (answers: downlink bytes).
 inline constexpr int kLockstepPorts = 16;
 inline constexpr int kLockstepLink = kLockstepPorts - 1;
 

@@ -46,6 +46,7 @@ class UdpPort final : public LinuxPort {
   [[nodiscard]] short poll_events() const override;
   [[nodiscard]] int last_errno() const override { return errno_; }
   [[nodiscard]] std::uint32_t kernel_drops() const override { return kernel_drops_; }
+  [[nodiscard]] bool datagrams() const override { return true; }
   [[nodiscard]] std::uint16_t local_port() const override;
 
  private:

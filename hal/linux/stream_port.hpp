@@ -13,8 +13,10 @@ namespace leadline::hal {
 /// When to try again: at once, then after 0.1 s, doubling up to 1.6 s; from the beginning after a success.
 class Backoff {
  public:
-  [[nodiscard]] bool due(base::TimeUs now_us) const { return !waiting_ || now_us >= next_us_; }
-  /// Time that goes back does not make a port wait for ever: the wait starts anew.
+  /// Time that goes back does not make a port wait for ever.
+  [[nodiscard]] bool due(base::TimeUs now_us) const {
+    return !waiting_ || now_us >= next_us_ || next_us_ - now_us > LinuxPort::kLongestRetry_us;
+  }
   void failed(base::TimeUs now_us);
   void succeeded();
 

@@ -26,6 +26,8 @@ extern "C" {
 // fail() would also rewrite std::ifstream::fail(); fail_msg stays, without it.
 #undef fail
 #undef fail_msg
+// A common name of members; here a test is skipped by skip_test().
+#undef skip
 #define fail_msg(...) \
   (print_error("ERROR: " __VA_ARGS__), print_error("\n"), _fail(__FILE__, __LINE__))
 

@@ -1,0 +1,227 @@
+#include "firmware/pipeline/config_codec.hpp"
+
+#include <type_traits>
+
+#include "model/base/crc32c.hpp"
+
+namespace leadline::firmware {
+namespace {
+
+using base::Result;
+using base::Status;
+
+constexpr std::uint32_t kMagic = 0x31564C4CU;  // "LLV1" in file order
+constexpr std::size_t kHeader_bytes = 4 + 2 + 2 + 4 + 4;
+
+// The three things that are done with every field, in the one order that walk() knows.
+struct Counter {
+  std::size_t size = 0;
+  template <typename T>
+  void operator()(T& value) {
+    size += sizeof(value);
+  }
+};
+
+struct Writer {
+  std::uint8_t* out;
+  template <typename T>
+  void operator()(T& value) {
+    auto bits = static_cast<std::uint64_t>(value);
+    for (std::size_t i = 0; i < sizeof(T); ++i) {
+      *out = static_cast<std::uint8_t>(bits & 0xFFU);
+      bits >>= 8U;
+      ++out;
+    }
+  }
+};
+
+struct Reader {
+  const std::uint8_t* in;
+  template <typename T>
+  void operator()(T& value) {
+    std::uint64_t bits = 0;
+    for (std::size_t i = sizeof(T); i > 0; --i) {
+      bits = (bits << 8U) | in[i - 1];
+    }
+    in += sizeof(T);
+    if constexpr (std::is_enum_v<T>) {
+      value = static_cast<T>(static_cast<std::underlying_type_t<T>>(bits));
+    } else {
+      value = static_cast<T>(bits);
+    }
+  }
+};
+
+template <typename Visit, typename T, std::size_t kCount>
+void walk_array(Visit& visit, T (&values)[kCount]) {
+  for (T& value : values) {
+    visit(value);
+  }
+}
+
+template <typename Visit>
+void walk_model(Visit& visit, model::ModelConfig& config) {
+  visit(config.schema_version);
+  visit(config.rule);
+  visit(config.no_return);
+  visit(config.cell_mm);
+  walk_array(visit, config.size);
+  walk_array(visit, config.origin_mm);
+  visit(config.min_range_um);
+  visit(config.max_range_um);
+  visit(config.detect_range_um);
+  walk_array(visit, config.sigma_position_mm);
+  walk_array(visit, config.sigma_correlated_mm);
+  visit(config.work_budget_voxels);
+}
+
+template <typename Visit>
+void walk_port(Visit& visit, PortConfig& port) {
+  visit(port.driver);
+  visit(port.mount);
+  visit(port.latency_us);
+  visit(port.min_range_um);
+  visit(port.max_range_um);
+  visit(port.ping_interval_us);
+  visit(port.scan_first_grad);
+  visit(port.scan_last_grad);
+  visit(port.scan_step_grad);
+  visit(port.profile);
+}
+
+template <typename Visit>
+void walk_mount(Visit& visit, MountConfig& mount) {
+  walk_array(visit, mount.lever_arm_mm);
+  visit(mount.boresight.roll_bam32);
+  visit(mount.boresight.pitch_bam32);
+  visit(mount.boresight.heading_bam32);
+  visit(mount.table);
+}
+
+template <typename Visit>
+void walk_navigation(Visit& visit, NavigationConfig& navigation) {
+  visit(navigation.origin_latitude_e9deg);
+  visit(navigation.origin_longitude_e9deg);
+  visit(navigation.has_origin);
+  visit(navigation.magnetic_variation_bam32);
+  visit(navigation.surface_pressure_pa);
+  visit(navigation.water_density_g_m3);
+  visit(navigation.gravity_um_s2);
+  visit(navigation.sigma_fix_mm);
+  visit(navigation.sigma_depth_mm);
+  visit(navigation.sigma_attitude_urad);
+  visit(navigation.sigma_heading_urad);
+  visit(navigation.acceleration_mm_s2);
+  visit(navigation.angular_acceleration_urad_s2);
+  visit(navigation.max_gap_us);
+  visit(navigation.max_wait_us);
+}
+
+template <typename Visit>
+void walk(Visit& visit, VehicleConfig& config) {
+  visit(config.schema_version);
+  visit(config.port_count);
+  visit(config.mount_count);
+  visit(config.table_count);
+  visit(config.survey_id);
+  walk_model(visit, config.model);
+  visit(config.epsg);
+  visit(config.sound_speed_mm_s);
+  visit(config.cycle_voxel_budget);
+  visit(config.cycle_tile_budget);
+  for (PortConfig& port : config.ports) {
+    walk_port(visit, port);
+  }
+  for (MountConfig& mount : config.mounts) {
+    walk_mount(visit, mount);
+  }
+  walk_navigation(visit, config.navigation);
+  visit(config.link.rate_bytes_s);
+  visit(config.link.mtu_bytes);
+  visit(config.link.status_interval_us);
+  visit(config.link.hello_interval_us);
+  visit(config.session);
+}
+
+bool known_enumerators(const VehicleConfig& config) {
+  for (const PortConfig& port : config.ports) {
+    if (static_cast<std::uint8_t>(port.driver) > static_cast<std::uint8_t>(Driver::kNmea)) {
+      return false;
+    }
+  }
+  return config.model.rule <= model::Rule::kLogOdds &&
+         config.model.no_return <= model::NoReturnPolicy::kEmpty;
+}
+
+}  // namespace
+
+std::size_t config_blob_bytes() {
+  Counter counter;
+  VehicleConfig config{};
+  walk(counter, config);
+  return kHeader_bytes + counter.size;
+}
+
+Result<std::size_t> encode_config(const VehicleConfig& config, std::uint8_t* out,
+                                  std::size_t capacity_bytes) {
+  const std::size_t size = config_blob_bytes();
+  if (capacity_bytes < size) {
+    return Status::kFull;
+  }
+  VehicleConfig copy = config;  // walk() serves reading as well, so it takes no const
+  Writer body{out + kHeader_bytes};
+  walk(body, copy);
+  std::uint32_t magic = kMagic;
+  std::uint16_t version = kVehicleConfigSchemaVersion;
+  std::uint16_t reserved = 0;
+  auto size_bytes = static_cast<std::uint32_t>(size);
+  std::uint32_t crc = base::crc32c(out + kHeader_bytes, size - kHeader_bytes);
+  Writer header{out};
+  header(magic);
+  header(version);
+  header(reserved);
+  header(size_bytes);
+  header(crc);
+  return size;
+}
+
+Result<VehicleConfig> decode_config(const std::uint8_t* blob, std::size_t size_bytes) {
+  if (blob == nullptr || size_bytes < kHeader_bytes) {
+    return Status::kTruncated;
+  }
+  std::uint32_t magic = 0;
+  std::uint16_t version = 0;
+  std::uint16_t reserved = 0;
+  std::uint32_t stated_bytes = 0;
+  std::uint32_t crc = 0;
+  Reader header{blob};
+  header(magic);
+  header(version);
+  header(reserved);
+  header(stated_bytes);
+  header(crc);
+  if (magic != kMagic) {
+    return Status::kInvalidArgument;
+  }
+  if (version != kVehicleConfigSchemaVersion) {
+    return Status::kBadVersion;
+  }
+  if (size_bytes < stated_bytes) {
+    return Status::kTruncated;
+  }
+  if (size_bytes != stated_bytes || stated_bytes != config_blob_bytes()) {
+    return Status::kInvalidArgument;
+  }
+  if (base::crc32c(blob + kHeader_bytes, size_bytes - kHeader_bytes) != crc) {
+    return Status::kBadChecksum;
+  }
+  VehicleConfig config{};
+  Reader body{blob + kHeader_bytes};
+  walk(body, config);
+  if (!known_enumerators(config)) {
+    return Status::kOutOfRange;
+  }
+  return config;
+}
+
+}  // namespace leadline::firmware

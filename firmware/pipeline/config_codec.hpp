@@ -1,0 +1,30 @@
+// VehicleConfig as bytes, for the log: little-endian, packed, with version and CRC. Bit by bit in
+// firmware/README.md, "Configuration blob".
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "firmware/pipeline/config.hpp"
+#include "model/base/status.hpp"
+
+namespace leadline::firmware {
+
+/// Size of every blob of this version.
+[[nodiscard]] std::size_t config_blob_bytes();
+/// At least config_blob_bytes(), for buffers.
+inline constexpr std::size_t kMaxConfigBlob_bytes = 1536;
+
+/// Bytes written; kFull when `capacity_bytes` is too small, nothing written. Values are not checked:
+/// Vehicle::configure() does that. O(bytes).
+[[nodiscard]] base::Result<std::size_t> encode_config(const VehicleConfig& config,
+                                                      std::uint8_t* out,
+                                                      std::size_t capacity_bytes);
+
+/// * kTruncated: shorter than it says; kInvalidArgument: not such a blob, or longer than it says
+/// * kBadVersion: another version; kBadChecksum: bytes changed
+/// * kOutOfRange: an enumerator that this program does not know
+[[nodiscard]] base::Result<VehicleConfig> decode_config(const std::uint8_t* blob,
+                                                        std::size_t size_bytes);
+
+}  // namespace leadline::firmware

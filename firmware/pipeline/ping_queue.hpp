@@ -1,0 +1,46 @@
+// Pings that wait for their pose, in order of arrival, with the intensities of profiles.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "model/base/ping.hpp"
+#include "model/base/status.hpp"
+
+namespace leadline::firmware {
+
+/// A bounded queue with its own storage (about 180 KiB). Not thread-safe; every call is O(1), push()
+/// O(bins).
+class PingQueue {
+ public:
+  static constexpr std::size_t kCapacity_count = 256;
+  /// Bins of all waiting profiles together: 54 of the longest of a Ping360.
+  static constexpr std::size_t kBinCapacity_count = 65536;
+
+  PingQueue() = default;
+  PingQueue(const PingQueue&) = delete;
+  PingQueue& operator=(const PingQueue&) = delete;
+
+  void clear();
+  /// Copies the ping and its intensities. kFull: no room for either now, nothing changed; pop the oldest
+  /// and try again. kOutOfRange: a profile without bins, or one that never fits.
+  [[nodiscard]] base::Status push(const base::Ping& ping);
+  [[nodiscard]] bool empty() const { return count_ == 0; }
+  [[nodiscard]] std::size_t size() const { return count_; }
+  /// The oldest; its span is valid until it is popped. Not to be called when empty.
+  [[nodiscard]] const base::Ping& front() const { return pings_[first_]; }
+  void pop();
+
+ private:
+  std::array<base::Ping, kCapacity_count> pings_{};
+  std::array<std::uint16_t, kBinCapacity_count> bins_{};
+  std::size_t first_ = 0;
+  std::size_t count_ = 0;
+  // Bins in use: from bin_first_ on, round the end, up to bin_end_. A profile never goes round the end.
+  std::size_t bin_first_ = 0;
+  std::size_t bin_end_ = 0;
+  std::size_t profiles_ = 0;
+};
+
+}  // namespace leadline::firmware

@@ -1,0 +1,330 @@
+// Vehicle: what goes to the link, and what comes from it.
+#include "firmware/pipeline/vehicle.hpp"
+#include "model/base/fixed.hpp"
+
+namespace leadline::firmware {
+namespace {
+
+using base::min_of;
+using base::TimeUs;
+using model::TileId;
+
+// A packet is begun when this much of it can be sent: below, headers eat the line.
+constexpr std::size_t kWorthwhileFrame_bytes = 256;
+// A port that has not said anything intelligible for this long is silent.
+constexpr TimeUs kSilence_us = 5'000'000;
+// Changes that wait longer than this, in ticks of 32.768 ms: 10 s.
+constexpr std::uint32_t kBehind_ticks = 305;
+
+struct AlarmText {
+  std::uint32_t bit;
+  proto::Severity severity;
+  const char* text;
+};
+
+// What the pilot reads when an alarm begins, and, where there is a second text, when it ends.
+constexpr AlarmText kBegins[] = {
+    {proto::kAlarmMappingPaused, proto::Severity::kWarning,
+     "Mapping paused: position too uncertain"},
+    {proto::kAlarmNoPose, proto::Severity::kWarning, "No pose: pings wait or are lost"},
+    {proto::kAlarmPortSilent, proto::Severity::kWarning, "A device says nothing intelligible"},
+    {proto::kAlarmShed, proto::Severity::kWarning, "Pings shed: more than can be mapped"},
+    {proto::kAlarmTimeStepped, proto::Severity::kWarning, "Clock went back"},
+    {proto::kAlarmOutsideGrid, proto::Severity::kInfo, "Outside the grid"},
+    {proto::kAlarmPoseEpoch, proto::Severity::kWarning, "Navigation jumped: new epoch"},
+};
+constexpr AlarmText kEnds[] = {
+    {proto::kAlarmMappingPaused, proto::Severity::kInfo, "Mapping goes on"},
+    {proto::kAlarmNoPose, proto::Severity::kInfo, "Poses are back"},
+};
+// Bits of "ended" beside those of "began" in one mask: no alarm has a number of 16 and more.
+constexpr std::uint32_t kEndShift = 16;
+
+std::uint32_t low32(std::uint64_t count) { return static_cast<std::uint32_t>(count & 0xFFFFFFFFU); }
+
+std::uint16_t limited16(std::uint32_t value) {
+  return static_cast<std::uint16_t>(min_of<std::uint32_t>(value, UINT16_MAX));
+}
+
+std::int32_t millimetres(std::int64_t um) {
+  return static_cast<std::int32_t>(base::clamp<std::int64_t>(um / 1000, -INT32_MAX, INT32_MAX));
+}
+
+}  // namespace
+
+std::uint32_t Vehicle::uplink_errors() {
+  const proto::FrameCounters& frames = uplink_.decoder().counters();
+  return frames.bad_crc + frames.bad_code + frames.too_short + frames.too_long;
+}
+
+void Vehicle::take_uplink(const std::uint8_t* data, std::size_t size_bytes) {
+  proto::FrameDecoder& decoder = uplink_.decoder();
+  while (size_bytes > 0) {
+    std::size_t used = 0;
+    proto::FrameView frame{};
+    if (decoder.feed(data, size_bytes, used, frame)) {
+      ++counters_.uplink_frames;
+      const base::Result<proto::ResendRequest> request =
+          proto::decode_resend_request(frame.payload, frame.payload_bytes);
+      if (request.ok() && request.value().survey_tag == survey_tag_) {
+        resend(request.value());
+      } else {
+        ++counters_.uplink_rejected;
+      }
+    }
+    data += used;
+    size_bytes -= used;
+  }
+  counters_.uplink_rejected += uplink_errors() - uplink_bad_;
+  uplink_bad_ = uplink_errors();
+}
+
+// Sets dirty bits, nothing else. A tile that no ping ever touched is unknown at both ends.
+void Vehicle::resend(const proto::ResendRequest& request) {
+  ++counters_.resend_requests;
+  const TileId tile_count = model_.grid().tile_count();
+  for (int i = 0; i < request.range_count; ++i) {
+    const proto::TileRange& range = request.ranges[i];
+    if (range.first >= tile_count) {
+      continue;
+    }
+    const TileId end = range.first + min_of(range.count, tile_count - range.first);
+    for (TileId tile = range.first; tile < end; ++tile) {
+      if (model_.grid().tile(tile).generation != 0) {
+        link_map_.force(tile);
+        unsent_.add(tile, TileSet::kMaxWeight, tick_);
+      }
+    }
+  }
+}
+
+void Vehicle::send_hello() {
+  // At once when an origin has been found: until then a receiver does not know where the map lies.
+  const bool has_origin = navigator_.plane().configured();
+  if (now_us_ < watch_.hello_due_us && has_origin == watch_.origin_said) {
+    return;
+  }
+  proto::Hello hello{};
+  hello.protocol_major = proto::kProtocolMajor;
+  hello.protocol_minor = proto::kProtocolMinor;
+  hello.tile_side_cells = proto::kTileSide_cells;
+  hello.table_count = static_cast<std::uint8_t>(config_.table_count);
+  hello.schema_hash = proto::schema_hash();
+  hello.survey_id = config_.survey_id;
+  hello.session = config_.session;
+  hello.config_crc = config_crc_;
+  hello.cell_mm = config_.model.cell_mm;
+  for (int axis = 0; axis < 3; ++axis) {
+    hello.size_cells[axis] = config_.model.size[axis];
+    hello.origin_mm[axis] = config_.model.origin_mm[axis];
+  }
+  if (has_origin) {
+    hello.has_geodetic_origin = 1;
+    hello.latitude_e9deg = navigator_.plane().origin().latitude_e9deg;
+    hello.longitude_e9deg = navigator_.plane().origin().longitude_e9deg;
+  }
+  hello.epsg = config_.epsg;
+  for (int i = 0; i < config_.table_count; ++i) {
+    hello.table_crc[i] = table_crc_[i];
+  }
+  const base::Result<std::size_t> size =
+      proto::encode_hello(hello, payload_.data(), payload_.size());
+  if (size.ok() && downlink_.put(payload_.data(), size.value())) {
+    watch_.origin_said = has_origin;
+    watch_.hello_due_us = now_us_ + config_.link.hello_interval_us;
+  }
+}
+
+void Vehicle::send_status() {
+  if (now_us_ < watch_.status_due_us) {
+    return;
+  }
+  proto::Status status{};
+  fill_status(status);
+  const base::Result<std::size_t> size =
+      proto::encode_status(status, payload_.data(), payload_.size());
+  if (!size.ok() || !downlink_.put(payload_.data(), size.value())) {
+    return;
+  }
+  watch_.status_due_us = now_us_ + config_.link.status_interval_us;
+  watch_.shed_at_status = counters_.pings_lost[static_cast<int>(PingLoss::kShed)];
+  watch_.clamped_at_status = counters_.cycle_time_clamped + counters_.chunk_time_clamped;
+  watch_.over_limit_at_status = counters_.bytes_over_limit;
+  watch_.epoch_at_status = navigator_.epoch();
+}
+
+void Vehicle::fill_status(proto::Status& status) const {
+  status.t_us = now_us_;
+  status.cycle = low32(counters_.cycles);
+  status.alarms = counters_.alarms;
+
+  const base::Pose& pose = navigator_.latest();
+  status.pose_t_us = pose.t_us;
+  status.pose_validity = pose.validity;
+  status.pose_epoch = pose.epoch;
+  for (int axis = 0; axis < 3; ++axis) {
+    status.position_mm[axis] = millimetres(pose.position_um[axis]);
+    status.sigma_position_cm[axis] =
+        limited16((pose.covariance.sigma_position_mm[axis] + 9U) / 10U);
+    status.sigma_attitude_urad16[axis] = pose.covariance.sigma_attitude_urad16[axis];
+  }
+  status.roll_bam16 = static_cast<std::uint16_t>(pose.attitude.roll_bam32 >> 16U);
+  status.pitch_bam16 = static_cast<std::uint16_t>(pose.attitude.pitch_bam32 >> 16U);
+  status.heading_bam16 = static_cast<std::uint16_t>(pose.attitude.heading_bam32 >> 16U);
+
+  status.work_last_voxels = counters_.work_last_voxels;
+  status.work_max_voxels = counters_.work_max_voxels;
+  status.work_bound_voxels =
+      config_.cycle_voxel_budget == 0
+          ? 0
+          : base::max_of(config_.cycle_voxel_budget, model_.bound().total_voxels);
+
+  static_assert(proto::kPingNotConfigured == static_cast<int>(model::PingResult::kNotConfigured),
+                "the outcomes' first part is the model's own");
+  for (int i = 0; i < static_cast<int>(model::PingResult::kCount); ++i) {
+    status.pings[i] = low32(model_.counters().pings[i]);
+  }
+  const auto lost = [this](PingLoss loss) {
+    return low32(counters_.pings_lost[static_cast<int>(loss)]);
+  };
+  status.pings[proto::kPingShed] = lost(PingLoss::kShed);
+  status.pings[proto::kPingNoPose] =
+      lost(PingLoss::kNoPose) + lost(PingLoss::kPoseGap) + lost(PingLoss::kPoseEpoch);
+  status.pings[proto::kPingBad] = lost(PingLoss::kBad);
+  status.pings[proto::kPingPaused] = lost(PingLoss::kPaused);
+  status.pings_pending = static_cast<std::uint32_t>(pending_.size());
+  const estimator::NavigatorCounters& navigation = navigator_.counters();
+  status.nav_fused = navigation.fused;
+  status.nav_rejected =
+      navigation.gated + navigation.unusable + navigation.out_of_range + navigation.stale;
+
+  status.tiles_known = link_map_.known_tiles();
+  status.tiles_dirty = static_cast<std::uint32_t>(stale_.size() + unsent_.size());
+  status.cells_sent = low32(counters_.cells_sent);
+  status.link_bytes = low32(downlink_.total_bytes());
+  status.queued_bytes = static_cast<std::uint32_t>(downlink_.size_bytes());
+  status.uplink_frames = low32(counters_.uplink_frames);
+  status.uplink_bad = low32(counters_.uplink_rejected);
+
+  status.port_count = static_cast<std::uint8_t>(config_.port_count);
+  for (int port = 0; port < config_.port_count; ++port) {
+    const PortTally& tally = counters_.ports[port];
+    const bool heard = now_us_ - watch_.last_record_us[port] <= kSilence_us && tally.records != 0;
+    status.ports[port] =
+        proto::PortStatus{static_cast<std::uint8_t>(heard ? 1 : 0), low32(tally.bytes),
+                          low32(tally.records), low32(tally.rejected), 0};
+  }
+}
+
+std::uint32_t Vehicle::alarms_now() const {
+  std::uint32_t alarms = watch_.paused ? proto::kAlarmMappingPaused : 0U;
+  const auto raise = [&alarms](bool condition, std::uint32_t bit) {
+    alarms |= condition ? bit : 0U;
+  };
+  const base::Pose& pose = navigator_.latest();
+  const TimeUs allowed_us =
+      static_cast<TimeUs>(config_.navigation.max_gap_us) + config_.navigation.max_wait_us;
+  raise(pose.validity != base::kPoseAll || now_us_ - pose.t_us > allowed_us, proto::kAlarmNoPose);
+  bool silent = false;
+  for (int port = 0; port < config_.port_count; ++port) {
+    silent = silent || (config_.ports[port].driver != Driver::kNone &&
+                        now_us_ - watch_.last_record_us[port] > kSilence_us);
+  }
+  raise(silent, proto::kAlarmPortSilent);
+  raise(counters_.pings_lost[static_cast<int>(PingLoss::kShed)] != watch_.shed_at_status,
+        proto::kAlarmShed);
+  raise(pending_.size() == PingQueue::kCapacity_count, proto::kAlarmQueueFull);
+  raise(unsent_.oldest_age(tick_) > kBehind_ticks, proto::kAlarmLinkBehind);
+  raise(counters_.cycle_time_clamped + counters_.chunk_time_clamped != watch_.clamped_at_status,
+        proto::kAlarmTimeStepped);
+  raise(counters_.bytes_over_limit != watch_.over_limit_at_status, proto::kAlarmInputDropped);
+  raise(navigator_.epoch() != watch_.epoch_at_status, proto::kAlarmPoseEpoch);
+  bool outside = false;
+  for (int axis = 0; axis < 2; ++axis) {
+    const std::int64_t cells =
+        (pose.position_um[axis] / 1000 - config_.model.origin_mm[axis]) / config_.model.cell_mm;
+    outside = outside || cells < 0 || cells >= config_.model.size[axis];
+  }
+  raise(outside && (pose.validity & base::kPoseHorizontal) != 0, proto::kAlarmOutsideGrid);
+  return alarms;
+}
+
+void Vehicle::update_alarms() {
+  counters_.alarms = alarms_now();
+  const std::uint32_t began = counters_.alarms & ~alarms_said_;
+  const std::uint32_t ended = alarms_said_ & ~counters_.alarms;
+  texts_due_ |= began | (ended << kEndShift);
+  alarms_said_ = counters_.alarms;
+}
+
+void Vehicle::send_texts() {
+  const auto say = [this](const AlarmText& alarm, std::uint32_t bit) {
+    if ((texts_due_ & bit) == 0) {
+      return;
+    }
+    const proto::Text text = proto::make_text(now_us_, alarm.severity, alarm.text);
+    const base::Result<std::size_t> size =
+        proto::encode_text(text, payload_.data(), payload_.size());
+    if (size.ok() && downlink_.put(payload_.data(), size.value())) {
+      texts_due_ &= ~bit;
+    }
+  };
+  for (const AlarmText& alarm : kBegins) {
+    say(alarm, alarm.bit);
+  }
+  for (const AlarmText& alarm : kEnds) {
+    say(alarm, alarm.bit << kEndShift);
+  }
+}
+
+// Packets of changed cells, as long as the link takes them. A tile is clean once its bytes are in the buffer.
+void Vehicle::send_deltas() {
+  const std::size_t worthwhile =
+      min_of<std::size_t>(kWorthwhileFrame_bytes, config_.link.mtu_bytes);
+  while (unsent_.size() != 0 && downlink_.free_bytes() >= worthwhile) {
+    proto::TilePacketEncoder packet(payload_.data(), downlink_.free_payload_bytes(), survey_tag_);
+    const bool more = fill_packet(packet);
+    const std::size_t size = packet.finish();
+    const std::uint64_t before = downlink_.total_bytes();
+    // free_payload_bytes() is a promise: put() does not refuse.
+    if (size == 0 || !downlink_.put(payload_.data(), size)) {
+      return;
+    }
+    ++counters_.tile_deltas;
+    counters_.delta_bytes += downlink_.total_bytes() - before;
+    if (!more) {
+      return;
+    }
+  }
+}
+
+// Fills a packet from the unsent tiles; false when they are used up.
+bool Vehicle::fill_packet(proto::TilePacketEncoder& packet) {
+  TileId tile = 0;
+  TileCells present;
+  while (unsent_.best(tick_, tile)) {
+    link_map_.present(model_, tile, present);
+    const proto::TileUpdate update{tile, link_map_.next_generation(tile), present.data(),
+                                   link_map_.owed(tile, present)};
+    const int owed = update.changed.count();
+    if (owed == 0) {
+      // Changed and changed back, since.
+      unsent_.remove(tile);
+      continue;
+    }
+    proto::CellMask taken{};
+    const base::Result<int> added = packet.add(update, taken);
+    if (!added.ok()) {
+      return true;
+    }
+    counters_.cells_sent += static_cast<std::uint64_t>(added.value());
+    counters_.cells_changed += static_cast<std::uint64_t>(link_map_.sent(tile, present, taken));
+    if (added.value() < owed) {
+      return true;
+    }
+    unsent_.remove(tile);
+  }
+  return false;
+}
+
+}  // namespace leadline::firmware

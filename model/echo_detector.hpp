@@ -1,0 +1,47 @@
+// From the intensities of one beam to the range that the localization tables assume: where a given
+// fraction of the echo's energy has arrived (method 1.3: every range is that of a first return).
+//
+// Intensities are taken as energy, linear, with a noise of any mean: its level is estimated from the
+// profile itself and subtracted. Integers only; the result depends on the profile alone.
+#pragma once
+
+#include <cstdint>
+
+#include "model/base/ping.hpp"
+
+namespace leadline::model {
+
+/// Longest profile. Inclusive; more bins are not looked at.
+inline constexpr int kMaxProfileBins = 4096;
+/// Fewest bins that say anything about noise.
+inline constexpr int kMinProfileBins = 8;
+
+struct EchoDetectorConfig {
+  /// LocalizationTable::detection_fraction_q16 of the head's table; 0 counts as 1.
+  std::uint16_t detection_fraction_q16;
+  std::int64_t min_range_um;  ///< bins centred nearer are blanked: ring-down
+  std::int64_t max_range_um;  ///< bins centred farther are left out
+};
+
+struct EchoDetection {
+  bool found;
+  std::uint8_t quality;   ///< 1 .. 255 of the signal-to-noise ratio: 128 at 8, 0 without an echo
+  std::int64_t range_um;  ///< where the fraction is reached, between bins by straight line
+  // What the decision rests on, in the profile's units.
+  std::uint32_t noise_q8;        ///< mean level of noise
+  std::uint32_t noise_sigma_q8;  ///< its spread
+  std::uint32_t peak_q8;         ///< strongest bin of the echo, above the noise
+  std::uint64_t energy_q8;       ///< of the echo, above the noise
+};
+
+/// Finds the echo of one profile. Noise is median and median deviation of all bins in range. An echo is a
+/// run of bins whose smoothed intensity (1 2 1) stands over 3 sigma (gaps of two bins joined) and somewhere
+/// over 8; of several the nearest that has a quarter of the strongest one's energy. Its energy is summed
+/// from two bins before the run to two bins behind it.
+///
+/// Not found: no run, fewer than kMinProfileBins bins in range, or no intensities at all (null).
+/// O(bins * 32): the medians are searched bit by bit.
+[[nodiscard]] EchoDetection detect_echo(const base::RangeProfile& profile,
+                                        const EchoDetectorConfig& config);
+
+}  // namespace leadline::model

@@ -1,0 +1,74 @@
+// A Ping360's bytes, cut at will, with requests in between: every profile is whole and within the range
+// asked for, the counters account for every byte, and it never asks while an answer is due.
+#include <cstdint>
+#include <cstdlib>
+
+#include "hal/heads/ping360.hpp"
+
+namespace {
+
+using leadline::base::Ping;
+using leadline::base::ReturnKind;
+using leadline::hal::Ping360Codec;
+using leadline::hal::Ping360Config;
+
+void require(bool condition) {
+  if (!condition) {
+    std::abort();
+  }
+}
+
+std::uint32_t g_sum = 0;  // read, so that a bad span is seen
+
+void check(const Ping& ping, const Ping360Config& config) {
+  require(ping.kind == ReturnKind::kProfile && ping.elevation_bam32 == 0);
+  require(ping.t_transmit_us < ping.t_receive_us);
+  require(ping.profile.bin_count > 0 && ping.profile.bin_count <= 1200 && ping.profile.bin_um > 0);
+  const std::int64_t last_um =
+      ping.profile.first_bin_um +
+      (std::int64_t{ping.profile.bin_count} - 1) * static_cast<std::int64_t>(ping.profile.bin_um);
+  require(ping.profile.first_bin_um >= config.min_range_um && last_um <= config.max_range_um);
+  for (std::size_t i = 0; i < ping.profile.bin_count; ++i) {
+    require(ping.profile.intensity[i] <= 255);
+    g_sum += ping.profile.intensity[i];
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size < 4) {
+    return 0;
+  }
+  Ping360Config config;
+  config.poll_interval_us = (data[0] & 1U) != 0 ? 0 : 50'000;
+  config.clockwise = (data[0] & 2U) != 0;
+  config.scan_first_grad = data[1] * 3 - 200;
+  config.scan_last_grad = data[2] * 3 - 200;
+  config.scan_step_grad = data[3];
+  config.min_range_um = (data[0] & 4U) != 0 ? 750'000 : 0;
+  config.max_range_um = (data[0] & 8U) != 0 ? 2'000'000 : 100'000'000;
+  Ping360Codec codec(config);
+  std::int64_t t_us = 0;
+  std::uint32_t records = 0;
+  for (std::size_t i = 4; i < size; ++i) {
+    t_us += 100;
+    // 0xFE: a pause; the rest of the bytes come at line speed.
+    t_us += data[i] == 0xFE ? 700'000 : 0;
+    Ping ping{};
+    bool more = codec.feed(data[i], t_us, ping);
+    while (more) {
+      ++records;
+      check(ping, config);
+      more = codec.next(ping);
+    }
+    std::uint8_t out[Ping360Codec::kMaxRequest_bytes];
+    require(codec.request(t_us, out, sizeof out) <= sizeof out);
+    require(codec.request(t_us, out, sizeof out) == 0);
+  }
+  const auto counters = codec.counters();
+  require(counters.records == records && counters.frames.bytes == size - 4);
+  require(counters.frames.skipped_bytes + counters.frames.frames * 10 <= counters.frames.bytes);
+  require(counters.records + counters.bad_values <= counters.frames.frames);
+  return 0;
+}
