@@ -336,7 +336,8 @@ TEST(ping1d_time_that_goes_back) {
   Line<Ping1dCodec> line(codec, device);
   line.count_until(3 * kSecond_us);
   std::uint8_t out[Ping1dCodec::kMaxRequest_bytes];
-  // One hour back: polling goes on at once, not in an hour.
+  // One hour back, with a request under way: polling goes on in a time-out, not in an hour.
+  assert_true(codec.request(line.now_us() + 200'000, out, sizeof out) > 0);
   std::size_t requests = 0;
   for (TimeUs t_us = -3600 * kSecond_us; t_us < -3590 * kSecond_us; t_us += 10'000) {
     requests += codec.request(t_us, out, sizeof out) > 0 ? 1 : 0;
