@@ -1,4 +1,4 @@
-// `leadline simulate`: named surveys, their parameters by name, and the run from options to a folder.
+// `leadline scene`: named surveys, their parameters by name, and the run from options to a folder.
 #pragma once
 
 #include <cstdint>
@@ -66,7 +66,7 @@ void apply_setting(Scenario* scenario, const std::string& key, const std::string
 /// Builds the terrain. Throws HostError (kUsage for parameters, kInput for the raster).
 [[nodiscard]] Terrain build_terrain(const Scenario& scenario);
 
-/// What `leadline simulate` is asked to do.
+/// What `leadline scene` is asked to do.
 struct SimulateOptions {
   std::string preset = "demo";
   /// "" = what the preset says; "procedural"; "plane"; else a raster that GDAL reads.
