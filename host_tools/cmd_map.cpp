@@ -59,7 +59,7 @@ void add_map_command(CLI::App* app, CommandRun* run) {
       "  sigma_position_mm = [200, 200, 100]    # per row, north, east, down\n"
       "  sigma_correlated_mm = [0, 0, 0]        # a floor that averaging does not lower\n"
       "  [model]\n"
-      "  rule = \"log_odds\"               # or \"weighted_mean\"\n"
+      "  rule = \"log_odds\"               # or \"weighted_mean\", \"certainty_factor\", \"recursive\"\n"
       "  [frame]                         # where the origin lies, optional\n"
       "  lat = 46.2\n"
       "  lon = -122.2\n"

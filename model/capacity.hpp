@@ -2,6 +2,7 @@
 // overrides them from its build (-DLEADLINE_VOXEL_CAPACITY=...).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #ifndef LEADLINE_VOXEL_CAPACITY
@@ -9,6 +10,9 @@
 #endif
 #ifndef LEADLINE_COLUMN_CAPACITY
 #define LEADLINE_COLUMN_CAPACITY 1048576  // 1 Mi columns: 24 MiB
+#endif
+#ifndef LEADLINE_SENSOR_CAPACITY
+#define LEADLINE_SENSOR_CAPACITY 4
 #endif
 
 namespace leadline::model {
@@ -20,6 +24,9 @@ inline constexpr std::uint32_t kColumnCapacity = LEADLINE_COLUMN_CAPACITY;
 /// whole tiles also at the grid's edge, so that columns bound tiles.
 inline constexpr std::int32_t kTileCells = 16;
 inline constexpr std::uint32_t kTileCapacity = kColumnCapacity / (kTileCells * kTileCells);
+
+/// Kinds of sensors (localization tables, 26 KB each) that one model takes.
+inline constexpr std::size_t kMaxSensors = LEADLINE_SENSOR_CAPACITY;
 
 /// Tallest column in cells. Bounds every per-column loop.
 inline constexpr std::int32_t kMaxDepthCells = 1024;

@@ -1,9 +1,5 @@
 #include "model/column_kernels.hpp"
 
-#if defined(__SSE2__)
-#include <emmintrin.h>
-#endif
-
 #include "model/base/fixed.hpp"
 
 namespace leadline::model {
@@ -13,6 +9,9 @@ namespace {
 constexpr std::uint32_t kVetoRatio = 4;
 // Smoothing multiplies by at most 9: evidence is brought below 2^11 to stay within 15 bits.
 constexpr int kSmoothBits = 11;
+
+// The other rules leave traces of empty evidence in both halves: there the difference speaks.
+bool reads_hits(Rule rule) { return rule == Rule::kLogOdds || rule == Rule::kCertaintyFactor; }
 
 unsigned smoothing_shift(std::uint32_t largest) {
   return static_cast<unsigned>(base::max_of(0, 32 - base::leading_zeros(largest) - kSmoothBits));
@@ -31,8 +30,8 @@ ProfileSummary gather_profile_scalar(const Voxel* voxels, std::int32_t depth_cel
   for (std::int32_t k = 0; k < depth_cells; ++k) {
     const std::uint32_t hit = voxels[k].hit;
     const std::uint32_t miss = voxels[k].miss;
-    const std::uint32_t value = rule == Rule::kLogOdds ? (miss > kVetoRatio * hit ? 0U : hit)
-                                                       : (miss > hit ? 0U : hit - miss);
+    const std::uint32_t value =
+        reads_hits(rule) ? (miss > kVetoRatio * hit ? 0U : hit) : (miss > hit ? 0U : hit - miss);
     evidence[k] = static_cast<std::uint16_t>(value);
     out.mass += value;
     largest = base::max_of(largest, value);
@@ -69,42 +68,82 @@ void add_uniform_scalar(Voxel* voxels, std::int32_t count, std::uint32_t first,
   }
 }
 
+namespace {
+
+constexpr std::int32_t kFull = 65535;
+constexpr std::int32_t kOne_q15 = 32768;
+
+// |target - half| * 2^15 and the dither stay below 2^31.
+std::uint16_t pulled_half(std::uint16_t half, std::int32_t target, std::int32_t share_q15,
+                          std::int32_t dither_q15) {
+  return static_cast<std::uint16_t>(half + (((target - half) * share_q15 + dither_q15) >> 15));
+}
+
+// The source's recursive filter, on the two halves; they round in opposite directions, so that their sum
+// does not wander.
+void pull_recursive(Voxel& voxel, std::int32_t share_q15, std::int32_t signal_q16,
+                    std::int32_t dither_q15) {
+  voxel.hit = pulled_half(voxel.hit, signal_q16, share_q15, dither_q15);
+  voxel.miss = pulled_half(voxel.miss, kFull - signal_q16, share_q15, kOne_q15 - 1 - dither_q15);
+}
+
+// The certainty factor x = hit - miss; the event is y = share * (2 rho - 1).
+void pull_certainty(Voxel& voxel, std::int32_t share_q15, std::int32_t signal_q16,
+                    std::int32_t dither_q15) {
+  const std::int64_t x = static_cast<std::int64_t>(voxel.hit) - voxel.miss;
+  const std::int64_t y_q31 = static_cast<std::int64_t>(2 * signal_q16 - kFull) * share_q15;
+  const bool same_sign = (x > 0 && y_q31 > 0) || (x < 0 && y_q31 < 0);
+  const std::int64_t room_q16 = same_sign ? kFull - (x < 0 ? -x : x) : kFull;
+  // y * room / 65535 in voxel units: below 2^47 before the division.
+  const std::int64_t sum =
+      x + ((y_q31 * room_q16 / kFull + static_cast<std::int64_t>(dither_q15)) >> 15);
+  const std::int64_t limited = base::clamp<std::int64_t>(sum, -kFull, kFull);
+  voxel.hit = static_cast<std::uint16_t>(limited > 0 ? limited : 0);
+  voxel.miss = static_cast<std::uint16_t>(limited < 0 ? -limited : 0);
+}
+
+template <typename Share>
+void pull_run(Rule rule, Voxel* voxels, std::int32_t count, std::uint32_t first, const Pull& pull,
+              std::uint32_t dither_base, Share share_q15) {
+  const auto signal_q16 = static_cast<std::int32_t>(pull.signal_q16);
+  for (std::int32_t i = 0; i < count; ++i) {
+    const auto dither_q15 = static_cast<std::int32_t>(
+        dither_q22(dither_base, first + static_cast<std::uint32_t>(i)) >> 7U);
+    const std::int32_t share = base::min_of<std::int32_t>(share_q15(i), kOne_q15);
+    if (rule == Rule::kRecursive) {
+      pull_recursive(voxels[i], share, signal_q16, dither_q15);
+    } else {
+      pull_certainty(voxels[i], share, signal_q16, dither_q15);
+    }
+  }
+}
+
+}  // namespace
+
+void pull_shell(Rule rule, Voxel* voxels, const std::int16_t* taps, std::int32_t count,
+                std::uint32_t first, const Pull& pull, std::uint32_t dither_base) {
+  const std::uint64_t gain_q15 = pull.gain_q15;
+  pull_run(rule, voxels, count, first, pull, dither_base, [taps, gain_q15](std::int32_t i) {
+    return static_cast<std::int32_t>(
+        base::min_of<std::uint64_t>((gain_q15 * static_cast<std::uint32_t>(taps[i])) >> 15U,
+                                    static_cast<std::uint64_t>(kOne_q15)));
+  });
+}
+
+void pull_uniform(Rule rule, Voxel* voxels, std::int32_t count, std::uint32_t first,
+                  const Pull& pull, std::uint32_t dither_base) {
+  const auto share_q15 = static_cast<std::int32_t>(
+      base::min_of<std::uint32_t>(pull.gain_q15, static_cast<std::uint32_t>(kOne_q15)));
+  pull_run(rule, voxels, count, first, pull, dither_base,
+           [share_q15](std::int32_t) { return share_q15; });
+}
+
 #if defined(__SSE2__)
 
 namespace {
 
-// Dithers of the four voxels from `k` on.
-inline __m128i dither_lanes(std::uint32_t base, std::uint32_t k) {
-  const __m128i start = _mm_set1_epi32(static_cast<int>(base + k * kDitherStep));
-  const __m128i lanes =
-      _mm_set_epi32(static_cast<int>(3U * kDitherStep), static_cast<int>(2U * kDitherStep),
-                    static_cast<int>(kDitherStep), 0);
-  return _mm_add_epi32(start, lanes);
-}
-
-inline __m128i pack_halves(__m128i hit, __m128i miss) {
-  return _mm_or_si128(hit, _mm_slli_epi32(miss, 16));
-}
-
-// All ones in the first `count` of four lanes.
-inline __m128i lane_mask(std::int32_t count) {
-  return _mm_cmpgt_epi32(_mm_set1_epi32(count), _mm_set_epi32(3, 2, 1, 0));
-}
-
-// Unaligned; __m128i may alias anything, and the casts through void* are how the intrinsics want it.
-inline __m128i load(const void* address) {
-  return _mm_loadu_si128(static_cast<const __m128i*>(address));
-}
-inline __m128i load_low(const void* address) {
-  return _mm_loadl_epi64(static_cast<const __m128i*>(address));
-}
-inline void store(void* address, __m128i value) {
-  _mm_storeu_si128(static_cast<__m128i*>(address), value);
-}
-
-inline void accumulate(Voxel* voxels, __m128i increment) {
-  store(voxels, _mm_adds_epu16(load(voxels), increment));
-}
+using vector::load;
+using vector::store;
 
 // Hit (or miss) halves of eight voxels as 16-bit lanes: sign-extended so that packing keeps the bits.
 inline __m128i low_halves(__m128i a, __m128i b) {
@@ -123,14 +162,14 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
   store(evidence - 8, zero);
   __m128i sum = zero;
   __m128i any = zero;  // OR of all evidence: its leading bit is that of the largest
-  const bool log_odds = rule == Rule::kLogOdds;
+  const bool hits_only = reads_hits(rule);
   for (std::int32_t k = 0; k < depth_cells; k += 8) {
     const __m128i a = load(voxels + k);
     const __m128i b = load(voxels + k + 4);
     const __m128i hit = low_halves(a, b);
     const __m128i miss = high_halves(a, b);
     __m128i value;
-    if (log_odds) {
+    if (hits_only) {
       const __m128i twice = _mm_adds_epu16(hit, hit);
       const __m128i over = _mm_subs_epu16(miss, _mm_adds_epu16(twice, twice));
       value = _mm_and_si128(hit, _mm_cmpeq_epi16(over, zero));
@@ -188,54 +227,11 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
   return out;
 }
 
-void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count, std::uint32_t first,
-               const Evidence& evidence, std::uint32_t dither_base) {
-  const __m128i hit_weight = _mm_set1_epi32(static_cast<int>(evidence.hit_q7));
-  const __m128i miss_weight = _mm_set1_epi32(static_cast<int>(evidence.miss_q7));
-  const __m128i step = _mm_set1_epi32(static_cast<int>(4U * kDitherStep));
-  __m128i lanes = dither_lanes(dither_base, first);
-  for (std::int32_t i = 0; i < count; i += 4) {
-    const __m128i tap = _mm_unpacklo_epi16(load_low(taps + i), _mm_setzero_si128());
-    const __m128i dither = _mm_srli_epi32(lanes, 10);
-    const __m128i hit = _mm_srli_epi32(_mm_add_epi32(_mm_madd_epi16(tap, hit_weight), dither), 22);
-    const __m128i miss =
-        _mm_srli_epi32(_mm_add_epi32(_mm_madd_epi16(tap, miss_weight), dither), 22);
-    const __m128i increment = pack_halves(hit, miss);
-    accumulate(voxels + i, _mm_and_si128(increment, lane_mask(count - i)));
-    lanes = _mm_add_epi32(lanes, step);
-  }
-}
-
-void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first, const Evidence& evidence,
-                 std::uint32_t dither_base) {
-  const __m128i hit_value = _mm_set1_epi32(static_cast<int>(evidence.hit_q7 << 15U));
-  const __m128i miss_value = _mm_set1_epi32(static_cast<int>(evidence.miss_q7 << 15U));
-  const __m128i step = _mm_set1_epi32(static_cast<int>(4U * kDitherStep));
-  __m128i lanes = dither_lanes(dither_base, first);
-  for (std::int32_t i = 0; i < count; i += 4) {
-    const __m128i dither = _mm_srli_epi32(lanes, 10);
-    const __m128i hit = _mm_srli_epi32(_mm_add_epi32(hit_value, dither), 22);
-    const __m128i miss = _mm_srli_epi32(_mm_add_epi32(miss_value, dither), 22);
-    accumulate(voxels + i, _mm_and_si128(pack_halves(hit, miss), lane_mask(count - i)));
-    lanes = _mm_add_epi32(lanes, step);
-  }
-}
-
 #else
 
 ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
                               std::uint16_t* evidence, std::uint16_t* smoothed) {
   return gather_profile_scalar(voxels, depth_cells, rule, evidence, smoothed);
-}
-
-void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count, std::uint32_t first,
-               const Evidence& evidence, std::uint32_t dither_base) {
-  add_shell_scalar(voxels, taps, count, first, evidence, dither_base);
-}
-
-void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first, const Evidence& evidence,
-                 std::uint32_t dither_base) {
-  add_uniform_scalar(voxels, count, first, evidence, dither_base);
 }
 
 #endif

@@ -8,7 +8,10 @@ base::Status check_config(const ModelConfig& config) {
   if (config.schema_version != kConfigSchemaVersion) {
     return base::Status::kBadVersion;
   }
-  if (config.rule != Rule::kWeightedMean && config.rule != Rule::kLogOdds) {
+  if (config.rule > Rule::kRecursive) {
+    return base::Status::kOutOfRange;
+  }
+  if (is_pulling(config.rule) && (config.k_p_q16 < 1 || config.k_p_q16 > 65536)) {
     return base::Status::kOutOfRange;
   }
   if (config.no_return != NoReturnPolicy::kIgnore && config.no_return != NoReturnPolicy::kEmpty) {
@@ -38,13 +41,18 @@ base::Status check_config(const ModelConfig& config) {
   if (voxels > kVoxelCapacity) {
     return base::Status::kOverCapacity;
   }
+  return base::Status::kOk;
+}
+
+base::Status check_ranges(const ModelConfig& config, std::int64_t min_range_um,
+                          std::int64_t max_range_um, std::int64_t detect_range_um) {
   const std::int64_t longest_um = static_cast<std::int64_t>(kMaxRangeCells) * config.cell_mm * 1000;
-  if (config.min_range_um < 0 || config.max_range_um <= config.min_range_um ||
-      config.max_range_um > base::kMaxRange_um || config.max_range_um > longest_um) {
+  if (min_range_um < 0 || max_range_um <= min_range_um || max_range_um > base::kMaxRange_um ||
+      max_range_um > longest_um) {
     return base::Status::kOutOfRange;
   }
   if (config.no_return == NoReturnPolicy::kEmpty &&
-      (config.detect_range_um <= 0 || config.detect_range_um > config.max_range_um)) {
+      (detect_range_um <= 0 || detect_range_um > max_range_um)) {
     return base::Status::kOutOfRange;
   }
   return base::Status::kOk;

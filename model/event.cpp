@@ -2,6 +2,7 @@
 
 #include "model/base/fixed.hpp"
 #include "model/capacity.hpp"
+#include "model/column_kernels.hpp"
 
 namespace leadline::model {
 namespace {
@@ -168,7 +169,7 @@ std::uint8_t profile_class(std::int64_t beam_q12, std::int64_t total_q12) {
 
 std::uint32_t event_weight_q7(std::int64_t min_variance_q12, std::int64_t variance_q12) {
   // 255 units, Q7, for the best ping that the configuration allows, in proportion to information.
-  constexpr std::int64_t kBest_q7 = 32640;
+  constexpr std::int64_t kBest_q7 = kMaxWeight_q7;
   return static_cast<std::uint32_t>(min_of(kBest_q7, kBest_q7 * min_variance_q12 / variance_q12));
 }
 

@@ -50,6 +50,10 @@ struct Scale {
   std::int32_t cone_tan_q20;      ///< half-angle of the empty cone, tan: the wider of the two below
   std::int32_t tan_along_q20;     ///< beam envelope in its along plane
   std::int32_t tan_across_q20;    ///< and in its across plane
+  /// Pulling rules: share of a voxel per event of full weight and tap 1, k_p over the best kernel's peak;
+  /// and event units of evidence (as in the additive rules) per unit of a voxel's half, Q16.
+  std::uint32_t pull_gain_q15;
+  std::uint32_t pull_unit_q16;
   std::uint32_t confidence_scale_q22;  ///< 64 entries per max_range: index = range_q10 * this >> 22
 };
 

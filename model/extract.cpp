@@ -110,8 +110,7 @@ Model::TileSpan Model::tiles_around(TileId tile, std::int32_t reach) const {
 bool Model::read_column(std::uint32_t column, DepthMethod method) {
   ColumnRecord& record = grid_.column(column);
   ColumnResult& result = results_[column];
-  const ColumnDepth found =
-      column_depth(grid_.column_voxels(column), scale_.size[2], method, config_.rule);
+  const ColumnDepth found = depth_of(column, method);
   const bool changed = found.depth_q8 != result.raw_q8 || found.mass != result.mass ||
                        found.depth_q8 == kUnknownDepth;
   result.raw_q8 = found.depth_q8;

@@ -234,36 +234,47 @@ Evidence empty_evidence(Rule rule, std::uint32_t strength_q7, std::uint32_t dist
   return Evidence{hit_q7, strength_q7 - hit_q7};
 }
 
-// The lateral weight's tables of one event.
-struct LateralProfile {
-  const std::uint16_t* along;
-  const std::uint16_t* across;
-  bool two_axis;
+// Normalized radius squared along one row of columns, in entries of the profile: a quadratic in the
+// column, run by differences. Q12: |xi|, |eta| < 100 inside the largest footprint (a cell's own variance
+// keeps their steps below 1.5), which is half a million entries; a row of 48 columns drifts by less
+// than a tenth of an entry.
+struct RadiusRow {
+  std::uint32_t value_q12;
+  std::uint32_t step_q12;
 };
 
-// Weight at normalized lateral coordinates, Q15; 0 beyond the cut.
-inline std::uint32_t lateral_weight_q15(const LateralProfile& profile, std::int32_t xi_q16,
-                                        std::int32_t eta_q16) {
-  constexpr std::uint32_t kCut2_q16 = kProfileCut2_q8 << 8U;
-  constexpr std::int32_t kCut_q16 = 144179;  // 2.2, its square root
-  // Entries per unit of m^2: kProfileSteps / 4.84 = 26.45.
-  constexpr std::uint32_t kEntries_q10 = 27079;
-  if (xi_q16 > kCut_q16 || xi_q16 < -kCut_q16 || eta_q16 > kCut_q16 || eta_q16 < -kCut_q16) {
+constexpr std::int64_t kEntriesPerUnit_q10 = 27079;  // kProfileSteps / 4.84
+constexpr std::uint32_t kProfileEnd_q12 = static_cast<std::uint32_t>(kProfileSteps) << 12U;
+
+std::uint32_t radius_second_difference_q12(std::int64_t xi_de_q16, std::int64_t eta_de_q16) {
+  const std::int64_t twice_q32 = 2 * (xi_de_q16 * xi_de_q16 + eta_de_q16 * eta_de_q16);
+  return static_cast<std::uint32_t>(((twice_q32 >> 8) * kEntriesPerUnit_q10 + (1 << 21)) >> 22);
+}
+
+RadiusRow radius_row(std::int64_t xi_q16, std::int64_t eta_q16, std::int64_t xi_de_q16,
+                     std::int64_t eta_de_q16) {
+  // Above zero by a few units, so that rounding never takes the centre below it.
+  constexpr std::int64_t kMargin_q12 = 8;
+  const std::int64_t square_q32 = xi_q16 * xi_q16 + eta_q16 * eta_q16;
+  const std::int64_t change_q32 =
+      xi_de_q16 * (2 * xi_q16 + xi_de_q16) + eta_de_q16 * (2 * eta_q16 + eta_de_q16);
+  return RadiusRow{
+      static_cast<std::uint32_t>((((square_q32 >> 8) * kEntriesPerUnit_q10) >> 22) + kMargin_q12),
+      static_cast<std::uint32_t>(((change_q32 >> 8) * kEntriesPerUnit_q10) >> 22)};
+}
+
+// Weight of a two-axis beam at normalized lateral coordinates, Q15; 0 beyond the cut.
+std::uint32_t two_axis_weight_q15(const std::uint16_t* along, const std::uint16_t* across,
+                                  std::int64_t xi_q16, std::int64_t eta_q16) {
+  const auto entry_q12 = [](std::int64_t value_q16) {
+    return static_cast<std::uint64_t>(((value_q16 * value_q16 >> 8) * kEntriesPerUnit_q10) >> 22);
+  };
+  const std::uint64_t a_q12 = entry_q12(xi_q16);
+  const std::uint64_t b_q12 = entry_q12(eta_q16);
+  if (a_q12 + b_q12 >= kProfileEnd_q12) {
     return 0;
   }
-  // Squares of at most 2.2 in Q16: the products fit 36 bits before the shift.
-  const auto xi2 = static_cast<std::uint32_t>((static_cast<std::int64_t>(xi_q16) * xi_q16) >> 16);
-  const auto eta2 =
-      static_cast<std::uint32_t>((static_cast<std::int64_t>(eta_q16) * eta_q16) >> 16);
-  if (xi2 + eta2 >= kCut2_q16) {
-    return 0;
-  }
-  if (!profile.two_axis) {
-    return profile.along[(((xi2 + eta2) >> 6U) * kEntries_q10) >> 20U];
-  }
-  const std::uint32_t a = profile.along[((xi2 >> 6U) * kEntries_q10) >> 20U];
-  const std::uint32_t b = profile.across[((eta2 >> 6U) * kEntries_q10) >> 20U];
-  return (a * b) >> 15U;
+  return (static_cast<std::uint32_t>(along[a_q12 >> 12U]) * across[b_q12 >> 12U]) >> 15U;
 }
 
 // Entry of the tables over range / max_range.
@@ -279,17 +290,17 @@ PingResult Model::sight(const base::Ping& ping, const base::Pose& pose, Sighting
     return PingResult::kPoseInvalid;
   }
   for (int axis = 0; axis < 3; ++axis) {
-    const std::int64_t offset_um = pose.position_um[axis] - scale_.origin_um[axis];
-    const std::int64_t limit_um = static_cast<std::int64_t>(kMaxSideCells) * scale_.cell_um;
+    const std::int64_t offset_um = pose.position_um[axis] - sensor_->scale.origin_um[axis];
+    const std::int64_t limit_um = static_cast<std::int64_t>(kMaxSideCells) * sensor_->scale.cell_um;
     if (offset_um < -limit_um || offset_um > limit_um) {
       return PingResult::kTooFar;
     }
     sighting.origin_q16[axis] =
-        static_cast<std::int32_t>(mul_shift(offset_um, scale_.inverse_cell_q46, 30));
+        static_cast<std::int32_t>(mul_shift(offset_um, sensor_->scale.inverse_cell_q46, 30));
     const auto sigma_mm = static_cast<std::int64_t>(
         min_of<std::uint32_t>(pose.covariance.sigma_position_mm[axis], 1'000'000'000U));
     const std::int64_t sigma_q12 =
-        min_of<std::int64_t>((sigma_mm * 1000 << 12) / scale_.cell_um, 1 << 20);
+        min_of<std::int64_t>((sigma_mm * 1000 << 12) / sensor_->scale.cell_um, 1 << 20);
     sighting.position_variance_q12[axis] = mul_shift(sigma_q12, sigma_q12, 12);
   }
   if (ping.kind == base::ReturnKind::kProfile) {
@@ -299,14 +310,14 @@ PingResult Model::sight(const base::Ping& ping, const base::Pose& pose, Sighting
     sighting.range_q16 = 0;
     return PingResult::kNoReturn;
   }
-  if (ping.range_um < config_.min_range_um || ping.range_um <= 0) {
+  if (ping.range_um < sensor_->config.min_range_um || ping.range_um <= 0) {
     return PingResult::kRangeTooShort;
   }
-  if (ping.range_um > config_.max_range_um) {
+  if (ping.range_um > sensor_->config.max_range_um) {
     return PingResult::kRangeTooLong;
   }
   sighting.range_q16 =
-      static_cast<std::int32_t>(mul_shift(ping.range_um, scale_.inverse_cell_q46, 30));
+      static_cast<std::int32_t>(mul_shift(ping.range_um, sensor_->scale.inverse_cell_q46, 30));
   return PingResult::kFused;
 }
 
@@ -322,10 +333,10 @@ void Model::prefetch_columns(const BeamFrame& frame, const Sighting& sighting) c
         16);
   }
   const std::int32_t n0 = max_of(centre[0] - kAround, 0);
-  const std::int32_t n1 = min_of(centre[0] + kAround, scale_.size[0] - 1);
+  const std::int32_t n1 = min_of(centre[0] + kAround, sensor_->scale.size[0] - 1);
   const std::int32_t e0 = max_of(centre[1] - kAround, 0);
-  const std::int32_t e1 = min_of(centre[1] + kAround, scale_.size[1] - 1);
-  const std::int32_t k = clamp(centre[2] - 4, 0, scale_.size[2] - 1);
+  const std::int32_t e1 = min_of(centre[1] + kAround, sensor_->scale.size[1] - 1);
+  const std::int32_t k = clamp(centre[2] - 4, 0, sensor_->scale.size[2] - 1);
   for (std::int32_t n = n0; n <= n1; ++n) {
     for (std::int32_t e = e0; e <= e1; ++e) {
       const std::uint32_t column = grid_.column_index(n, e);
@@ -342,10 +353,10 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
   const std::int64_t range = sighting.range_q16;
   const std::int64_t range2_q6 = (range * range) >> 26;
   const std::int64_t lateral_q12 =
-      mul_shift(
-          range2_q6,
-          static_cast<std::int64_t>(table_.beam_variance_along_q30) + table_.pointing_variance_q30,
-          24) +
+      mul_shift(range2_q6,
+                static_cast<std::int64_t>(sensor_->table.beam_variance_along_q30) +
+                    sensor_->table.pointing_variance_q30,
+                24) +
       max_of(sighting.position_variance_q12[0], sighting.position_variance_q12[1]) + 2048;
   const auto sigma_q12 =
       static_cast<std::int64_t>(base::sqrt_u64(static_cast<std::uint64_t>(lateral_q12) << 12U));
@@ -372,21 +383,20 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
     for (std::int32_t j = -1; j <= 1; ++j) {
       const std::int32_t n = centre_n + i * stride;
       const std::int32_t e = centre_e + j * stride;
-      if (n < 0 || e < 0 || n >= scale_.size[0] || e >= scale_.size[1]) {
+      if (n < 0 || e < 0 || n >= sensor_->scale.size[0] || e >= sensor_->scale.size[1]) {
         continue;
       }
       const std::uint32_t index = grid_.column_index(n, e);
       ColumnRecord& record = grid_.column(index);
       if (record.gain > (kRegrowth - 1) * record.mass) {
-        const ColumnDepth column = column_depth(grid_.column_voxels(index), scale_.size[2],
-                                                DepthMethod::kRobustMoment, config_.rule);
+        const ColumnDepth column = depth_of(index, DepthMethod::kRobustMoment);
         ++counters_.column_extractions;
         record.depth_q8 = column.depth_q8;
         record.mass = column.mass;
         record.gain = 0;
         // mass / 255 events of variance min_variance: information in 1/cells^2, Q4.
         record.slope_weight_q4 = static_cast<std::uint8_t>(clamp<std::int64_t>(
-            (static_cast<std::int64_t>(record.mass) << 8) / scale_.min_variance_q12, 1,
+            (static_cast<std::int64_t>(record.mass) << 8) / sensor_->scale.min_variance_q12, 1,
             kSlopeWeightCap_q4));
       }
       if (record.depth_q8 == kUnknownDepth) {
@@ -422,70 +432,184 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
                ratio(cez * cnn - cnz * cne, determinant, 4)};
 }
 
-void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
-  const std::int32_t depth_cells = scale_.size[2];
-  const LateralProfile profile{table_.profile_q15[0][event.profile_class],
-                               table_.profile_q15[1][event.profile_class], table_.two_axis != 0};
-  const std::uint32_t seed = base::mix_u32(ping_number_);
-  // Evidence of the shell: all for, or, in the weighted mean, rho = 1 - 0.5 sqrt(R / R_max) of it.
-  const std::uint32_t against_q15 = config_.rule == Rule::kWeightedMean
-                                        ? kEmptyRho_q15[range_entry(scale_, event.empty_range_q10)]
-                                        : 0U;
-  const auto& kernel = table_.kernel_q15[event.level];
-  const auto& kernel_first = table_.kernel_first[event.level];
-  const auto& kernel_count = table_.kernel_count[event.level];
-  std::uint32_t rescale_candidate = kNoColumn;
-  std::uint32_t columns = 0;
-  std::uint32_t written = 0;
-  for (std::int32_t n = event.north0; n <= event.north1; ++n) {
-    const std::int32_t row = n - event.north0;
-    std::int32_t xi = event.xi0_q16 + row * event.xi_dn_q16;
-    std::int32_t eta = event.eta0_q16 + row * event.eta_dn_q16;
-    std::int32_t depth = event.depth0_q16 + row * event.depth_dn_q16;
-    // Dither follows the place in the grid, not in storage: the map must not depend on paging.
-    const std::uint32_t row_dither =
-        seed + static_cast<std::uint32_t>(n * kMaxSideCells) * kColumnDither;
-    std::uint32_t row_base = 0;           // storage index of column (n, first of the tile)
-    std::int32_t tile_end = event.east0;  // first column east of the current tile
-    for (std::int32_t e = event.east0; e <= event.east1;
-         ++e, xi += event.xi_de_q16, eta += event.eta_de_q16, depth += event.depth_de_q16) {
-      const std::uint32_t weight_q7 =
-          (event.weight_q7 * lateral_weight_q15(profile, xi, eta)) >> 15U;
-      const auto phase = static_cast<std::uint32_t>((depth >> 12) & 15);
-      const std::int32_t first_tap = kernel_first[phase];
-      const std::int32_t start = (depth >> 16) - kKernelCentre + first_tap;
-      const std::int32_t low = max_of(start, 0);
-      const std::int32_t count = min_of(start + kernel_count[phase], depth_cells) - low;
-      if (weight_q7 == 0 || count <= 0) {
+// What the columns of one shell have in common. Copied where the loop runs: it then stays in registers,
+// which nothing can do that voxels, of whatever type, might alias.
+struct Model::ShellContext {
+  const std::uint16_t* along;
+  const std::uint16_t* across;
+  const std::int16_t (*kernel)[kKernelTaps];
+  const std::uint8_t* kernel_first;
+  const std::uint8_t* kernel_count;
+  std::uint32_t weight_q7;
+  std::uint32_t against_q15;  // share of the shell's evidence that speaks against it
+  std::uint32_t now_ds;
+  std::uint32_t seed;
+  std::int32_t depth_cells;
+  std::int32_t blur_q8;
+  Rule rule;
+  std::uint32_t pull_gain_q15;    // pulling rules
+  std::uint32_t pull_signal_q16;  // the shell's own rho
+};
+
+namespace {
+
+// Gain of an event of `weight_q7`.
+inline std::uint32_t pull_gain(std::uint32_t gain_q15, std::uint32_t weight_q7) {
+  return static_cast<std::uint32_t>(static_cast<std::uint64_t>(gain_q15) * weight_q7 /
+                                    kMaxWeight_q7);
+}
+
+// The shell in one column: `weight_q7` around `depth_q16`. Returns the voxels written.
+template <typename Context>
+inline std::int32_t add_shell_column(const Context& shell, Voxel* voxels, std::int32_t depth_q16,
+                                     std::uint32_t weight_q7, std::uint32_t dither) {
+  const auto phase = static_cast<std::uint32_t>(depth_q16 >> 12) & 15U;
+  const std::int32_t first = shell.kernel_first[phase];
+  const std::int32_t taps = shell.kernel_count[phase];
+  const std::int32_t start = (depth_q16 >> 16) - kKernelCentre + first;
+  if (is_pulling(shell.rule)) {
+    const std::int32_t low = max_of(start, 0);
+    const std::int32_t count = min_of(start + taps, shell.depth_cells) - low;
+    pull_shell(shell.rule, voxels + low, shell.kernel[phase] + first + (low - start), count,
+               static_cast<std::uint32_t>(low),
+               Pull{pull_gain(shell.pull_gain_q15, weight_q7), shell.pull_signal_q16}, dither);
+    return max_of(count, 0);
+  }
+  const std::uint32_t against_q7 = (weight_q7 * shell.against_q15) >> 15U;
+  const Evidence evidence{weight_q7 - against_q7, against_q7};
+  if (start >= 0 && start <= shell.depth_cells - taps) {
+    add_shell_taps(voxels + start, shell.kernel[phase], first, taps,
+                   dither + static_cast<std::uint32_t>(start) * kDitherStep, evidence);
+    return taps;
+  }
+  const std::int32_t low = max_of(start, 0);
+  const std::int32_t count = min_of(start + taps, shell.depth_cells) - low;
+  if (count <= 0) {
+    return 0;
+  }
+  add_shell(voxels + low, shell.kernel[phase] + first + (low - start), count,
+            static_cast<std::uint32_t>(low), evidence, dither);
+  return count;
+}
+
+inline void note_evidence(ColumnRecord& record, std::uint32_t weight_q7, std::uint32_t now_ds,
+                          std::int32_t blur_q8) {
+  const std::uint32_t units = (weight_q7 >> 7U) + 1U;
+  record.gain += units;
+  record.unchecked += units;
+  record.last_touch_ds = now_ds;
+  const std::int32_t change = (blur_q8 - record.blur_q8) >> 2;
+  record.blur_q8 = static_cast<std::uint16_t>(
+      (record.flags & kColumnTouched) != 0 ? record.blur_q8 + change : blur_q8);
+  record.flags |= kColumnTouched | kColumnDirty;
+}
+
+}  // namespace
+
+// One row of a shell; the place in the grid is looked up once per tile.
+template <bool kTwoAxis>
+Model::RowTotals Model::add_shell_row(const ShellEvent& event, const ShellContext& context,
+                                      std::int32_t n) {
+  const ShellContext shell = context;
+  RowTotals totals{0, 0, kNoColumn};
+  const std::int32_t row = n - event.north0;
+  std::int32_t xi = event.xi0_q16 + row * event.xi_dn_q16;
+  std::int32_t eta = event.eta0_q16 + row * event.eta_dn_q16;
+  std::int32_t depth = event.depth0_q16 + row * event.depth_dn_q16;
+  const std::int32_t xi_step = event.xi_de_q16;
+  const std::int32_t eta_step = event.eta_de_q16;
+  const std::int32_t depth_step = event.depth_de_q16;
+  RadiusRow radius{};
+  std::uint32_t bend = 0;
+  if (!kTwoAxis) {
+    radius = radius_row(xi, eta, xi_step, eta_step);
+    bend = radius_second_difference_q12(xi_step, eta_step);
+  }
+  // Dither follows the place in the grid, not in storage: the map must not depend on paging.
+  std::uint32_t dither =
+      shell.seed + static_cast<std::uint32_t>(n * kMaxSideCells + event.east0) * kColumnDither;
+  const std::int32_t east1 = event.east1;
+  std::int32_t e = event.east0;
+  while (e <= east1) {
+    const std::uint32_t base = grid_.column_index(n, e & ~(kTileCells - 1));
+    Voxel* voxels = grid_.column_voxels(base) + (e & (kTileCells - 1)) * shell.depth_cells;
+    ColumnRecord* record = &grid_.column(base) + (e & (kTileCells - 1));
+    const std::int32_t end = min_of(e | (kTileCells - 1), east1);
+    const std::uint32_t columns_before = totals.columns;
+    const TileId tile = grid_.tile_of(n, e);
+    for (; e <= end; ++e, ++record) {
+      Voxel* const column_voxels = voxels;
+      const std::int32_t column_depth_q16 = depth;
+      const std::uint32_t column_dither = dither;
+      voxels += shell.depth_cells;
+      depth += depth_step;
+      dither += kColumnDither;
+      std::uint32_t lateral_q15 = 0;
+      if (kTwoAxis) {
+        lateral_q15 = two_axis_weight_q15(shell.along, shell.across, xi, eta);
+        xi += xi_step;
+        eta += eta_step;
+      } else {
+        const std::uint32_t at_q12 = radius.value_q12;
+        radius.value_q12 += radius.step_q12;
+        radius.step_q12 += bend;
+        lateral_q15 = at_q12 < kProfileEnd_q12 ? shell.along[at_q12 >> 12U] : 0U;
+      }
+      const std::uint32_t weight_q7 = (shell.weight_q7 * lateral_q15) >> 15U;
+      if (weight_q7 == 0) {
         continue;
       }
-      if (e >= tile_end) {
-        // One look at the page table per tile and row.
-        row_base = grid_.column_index(n, e & ~(kTileCells - 1));
-        tile_end = (e | (kTileCells - 1)) + 1;
-        grid_.touch(grid_.tile_of(n, e), ping_number_);
+      const std::int32_t count =
+          add_shell_column(shell, column_voxels, column_depth_q16, weight_q7, column_dither);
+      if (count == 0) {
+        continue;
       }
-      const std::uint32_t column = row_base + static_cast<std::uint32_t>(e & (kTileCells - 1));
-      const std::uint32_t against_q7 = (weight_q7 * against_q15) >> 15U;
-      add_shell(grid_.column_voxels(column) + low, kernel[phase] + first_tap + (low - start), count,
-                static_cast<std::uint32_t>(low), Evidence{weight_q7 - against_q7, against_q7},
-                row_dither + static_cast<std::uint32_t>(e) * kColumnDither);
-      written += static_cast<std::uint32_t>(count);
-      ++columns;
-      ColumnRecord& record = grid_.column(column);
-      record.gain += (weight_q7 >> 7U) + 1U;
-      record.unchecked += (weight_q7 >> 7U) + 1U;
-      rescale_candidate = record.unchecked > kRescaleCheck ? column : rescale_candidate;
-      record.last_touch_ds = now_ds;
-      const std::int32_t change = (static_cast<std::int32_t>(event.blur_q8) - record.blur_q8) >> 2;
-      record.blur_q8 = static_cast<std::uint16_t>(
-          (record.flags & kColumnTouched) != 0 ? record.blur_q8 + change : event.blur_q8);
-      record.flags |= kColumnTouched | kColumnDirty;
+      totals.voxels += static_cast<std::uint32_t>(count);
+      ++totals.columns;
+      note_evidence(*record, weight_q7, shell.now_ds, shell.blur_q8);
+      if (record->unchecked > kRescaleCheck) {
+        totals.rescale_candidate = base + static_cast<std::uint32_t>(e & (kTileCells - 1));
+      }
+    }
+    if (totals.columns != columns_before) {
+      grid_.touch(tile, ping_number_);
     }
   }
-  voxels_this_ping_ += written;
-  counters_.columns_updated += columns;
-  if (rescale_candidate != kNoColumn) {
+  return totals;
+}
+
+void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
+  ShellContext shell{sensor_->table.profile_q15[0][event.profile_class],
+                     sensor_->table.profile_q15[1][event.profile_class],
+                     sensor_->table.kernel_q15[event.level],
+                     sensor_->table.kernel_first[event.level],
+                     sensor_->table.kernel_count[event.level],
+                     event.weight_q7,
+                     0,
+                     now_ds,
+                     base::mix_u32(ping_number_),
+                     sensor_->scale.size[2],
+                     event.blur_q8,
+                     config_.rule,
+                     sensor_->scale.pull_gain_q15,
+                     0};
+  if (config_.rule != Rule::kLogOdds) {
+    // rho = 1 - 0.5 sqrt(R / R_max) of the evidence speaks for the shell, the rest against it.
+    shell.against_q15 = kEmptyRho_q15[range_entry(sensor_->scale, event.empty_range_q10)];
+    shell.pull_signal_q16 = 65535U - 2U * shell.against_q15;
+  }
+  const bool two_axis = sensor_->table.two_axis != 0;
+  std::uint32_t rescale_candidate = kNoColumn;
+  for (std::int32_t n = event.north0; n <= event.north1; ++n) {
+    const RowTotals row =
+        two_axis ? add_shell_row<true>(event, shell, n) : add_shell_row<false>(event, shell, n);
+    voxels_this_ping_ += row.voxels;
+    counters_.columns_updated += row.columns;
+    rescale_candidate =
+        row.rescale_candidate == kNoColumn ? rescale_candidate : row.rescale_candidate;
+  }
+  // Pulled voxels cannot saturate: nothing to rescale.
+  if (rescale_candidate != kNoColumn && !is_pulling(config_.rule)) {
     check_saturation(rescale_candidate);
   }
 }
@@ -493,13 +617,13 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
 // At most one column a ping, and only where the work bound leaves room: a column that must wait is still
 // a candidate at its next event.
 void Model::check_saturation(std::uint32_t column) {
-  const auto depth_cells = static_cast<std::uint32_t>(scale_.size[2]);
+  const auto depth_cells = static_cast<std::uint32_t>(sensor_->scale.size[2]);
   if (voxels_this_ping_ + depth_cells > bound_.total_voxels) {
     return;
   }
   ColumnRecord& record = grid_.column(column);
   record.unchecked = 0;
-  if (rescale_column(grid_.column_voxels(column), scale_.size[2])) {
+  if (rescale_column(grid_.column_voxels(column), sensor_->scale.size[2])) {
     voxels_this_ping_ += depth_cells;
     ++counters_.columns_rescaled;
     record.mass /= 2;
@@ -507,23 +631,36 @@ void Model::check_saturation(std::uint32_t column) {
   }
 }
 
+// Empty evidence of strength `strength_q7`, at distance/64 of the maximum range, on a run of voxels.
+inline void Model::add_empty(Voxel* voxels, std::int32_t count, std::uint32_t first,
+                             std::uint32_t strength_q7, std::uint32_t distance,
+                             std::uint32_t dither) const {
+  if (is_pulling(config_.rule)) {
+    const Pull pull{pull_gain(sensor_->scale.pull_gain_q15, strength_q7),
+                    2U * kEmptyRho_q15[distance]};
+    pull_uniform(config_.rule, voxels, count, first, pull, dither);
+    return;
+  }
+  add_uniform(voxels, count, first, empty_evidence(config_.rule, strength_q7, distance), dither);
+}
+
 void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
                   std::int32_t range_q10, std::uint32_t weight_q7) {
   if (range_q10 <= 0) {
     return;
   }
-  const Frustum frustum = make_frustum(scale_, table_, frame, sighting, range_q10);
+  const Frustum frustum = make_frustum(sensor_->scale, sensor_->table, frame, sighting, range_q10);
   const std::uint32_t seed = base::mix_u32(ping_number_ ^ 0x5BD1E995U);
   const bool plane = shell != nullptr && !shell->wall;
   const std::int64_t clearance_q16 = plane ? kernel_reach_q16(shell->level) + 0x8000 : 0;
-  const CellRange rows = frustum_rows(frustum, scale_.size[0]);
+  const CellRange rows = frustum_rows(frustum, sensor_->scale.size[0]);
   for (std::int64_t n = rows.first; n <= rows.last; ++n) {
     const std::int64_t dn = n * 1024 + 512 - frustum.origin_q10[0];
-    const CellRange row = frustum_row(frustum, dn, scale_.size[1]);
+    const CellRange row = frustum_row(frustum, dn, sensor_->scale.size[1]);
     for (std::int64_t e = row.first; e <= row.last; ++e) {
       const std::int64_t de = e * 1024 + 512 - frustum.origin_q10[1];
       const ColumnOffset offset = column_offset(frustum, dn, de);
-      CellRange column = frustum_column(frustum, frame, offset, scale_.size[2]);
+      CellRange column = frustum_column(frustum, frame, offset, sensor_->scale.size[2]);
       if (plane) {
         // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
         const std::int64_t plane_q16 =
@@ -548,26 +685,29 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
         // Off-axis position and distance of the run's middle.
         const std::int64_t z = k * 1024 + count * 512 - frustum.origin_q10[2];
         const std::int64_t slant = frustum_slant(frustum, offset, z);
-        const std::int32_t beam_q15 = frustum_weight_q15(frustum, table_, frame, offset, z, slant);
+        const std::int32_t beam_q15 =
+            frustum_weight_q15(frustum, sensor_->table, frame, offset, z, slant);
         if (beam_q15 < 0) {
           continue;
         }
-        const std::uint32_t distance = range_entry(scale_, static_cast<std::int32_t>(slant));
+        const std::uint32_t distance =
+            range_entry(sensor_->scale, static_cast<std::int32_t>(slant));
         const std::uint32_t strength_q7 = (weight_q7 * static_cast<std::uint32_t>(beam_q15)) >> 15U;
-        add_uniform(voxels + k, static_cast<std::int32_t>(count), static_cast<std::uint32_t>(k),
-                    empty_evidence(config_.rule, strength_q7, distance), dither);
+        add_empty(voxels + k, static_cast<std::int32_t>(count), static_cast<std::uint32_t>(k),
+                  strength_q7, distance, dither);
         voxels_this_ping_ += static_cast<std::uint32_t>(count);
       }
     }
   }
 }
 
-PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose) {
+PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor) {
   voxels_this_ping_ = 0;
-  if (!configured_) {
+  if (!configured_ || sensor >= sensor_count_) {
     ++counters_.pings[static_cast<int>(PingResult::kNotConfigured)];
     return PingResult::kNotConfigured;
   }
+  sensor_ = &sensors_[sensor];
   Sighting sighting{};
   const PingResult result = sight(ping, pose, sighting);
   ++counters_.pings[static_cast<int>(result)];
@@ -579,17 +719,18 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose) {
   const BeamFrame frame =
       beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32, ping.rotation_bam32);
   if (empty) {
-    const std::int64_t range_q16 = mul_shift(config_.detect_range_um, scale_.inverse_cell_q46, 30);
+    const std::int64_t range_q16 =
+        mul_shift(sensor_->config.detect_range_um, sensor_->scale.inverse_cell_q46, 30);
     carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), 255 * 16);
   } else {
     prefetch_columns(frame, sighting);
     const Slope slope = estimate_slope(frame, sighting);
-    const ShellEvent event = make_shell(scale_, table_, frame, sighting, slope);
+    const ShellEvent event = make_shell(sensor_->scale, sensor_->table, frame, sighting, slope);
     const auto now_ds = static_cast<std::uint32_t>(ping.t_transmit_us / 100'000);
     add_shell_event(event, now_ds);
     // The empty evidence of one ping is a fixed part of its shell's peak.
     const std::uint32_t peak_q15 = static_cast<std::uint32_t>(
-        table_.kernel_q15[event.level][kKernelPhases / 2][kKernelCentre]);
+        sensor_->table.kernel_q15[event.level][kKernelPhases / 2][kKernelCentre]);
     carve(frame, sighting, &event, event.empty_range_q10,
           ((event.weight_q7 * peak_q15) >> 15U) >> kEmptyShift);
   }

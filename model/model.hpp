@@ -26,10 +26,10 @@ enum class PingResult : std::uint8_t {
   kNoReturn = 1,  ///< no return: ignored, or carved empty, by policy
   kRangeTooShort = 2,
   kRangeTooLong = 3,
-  kPoseInvalid = 4,  ///< a validity bit is missing
-  kTooFar = 5,       ///< the transducer is over kMaxSideCells from the grid's origin
-  kProfile = 6,      ///< a profile that no detector has turned into a range
-  kNotConfigured = 7,
+  kPoseInvalid = 4,    ///< a validity bit is missing
+  kTooFar = 5,         ///< the transducer is over kMaxSideCells from the grid's origin
+  kProfile = 6,        ///< a profile that no detector has turned into a range
+  kNotConfigured = 7,  ///< no configuration, or no such sensor in it
   kCount = 8,
 };
 
@@ -64,6 +64,16 @@ struct TileWork {
   std::uint32_t columns_assessed;
 };
 
+/// A kind of sonar: its localization table, and the ranges at which its pings are taken.
+struct SensorConfig {
+  const void* table;  ///< the block; read by configure() only
+  std::size_t table_size_bytes;
+  std::int64_t min_range_um;  ///< shorter ranges are rejected and carve nothing
+  std::int64_t max_range_um;  ///< longer ranges are rejected; the signal drowns in noise here
+  std::int64_t
+      detect_range_um;  ///< NoReturnPolicy::kEmpty: where a target would have been detected
+};
+
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): extract() writes every result that is read.
 class Model {
  public:
@@ -71,25 +81,39 @@ class Model {
   Model(const Model&) = delete;
   Model& operator=(const Model&) = delete;
 
-  /// Checks and adopts a configuration and a table (both copied); clears the map. O(grid).
-  /// kInvalidArgument, kBadVersion, kBadChecksum, kTruncated: the table; kOutOfRange: a value;
-  /// kOverCapacity: the grid; kOverBudget: bound() exceeds the configured budget.
+  /// Checks and adopts a configuration and 1 .. kMaxSensors kinds of sensors (all copied); clears the
+  /// map. O(grid). Evidence of all sensors is in one unit: 255 for the best ping of the best of them.
+  /// * kInvalidArgument, kBadVersion, kBadChecksum, kTruncated: a table, or sensor_count is 0
+  /// * kOutOfRange: a value of the configuration or a range of a sensor
+  /// * kOverCapacity: the grid, or sensor_count > kMaxSensors
+  /// * kOverBudget: bound() exceeds the configured budget
+  [[nodiscard]] base::Status configure_sensors(const ModelConfig& config,
+                                               const SensorConfig* sensors,
+                                               std::size_t sensor_count);
+  /// The same with one sensor, of the ranges in `config`.
   [[nodiscard]] base::Status configure(const ModelConfig& config, const void* table_bytes,
                                        std::size_t table_size_bytes);
 
   [[nodiscard]] const ModelConfig& config() const { return config_; }
-  [[nodiscard]] const LocalizationTable& table() const { return table_; }
-  /// Work bound of the configuration; valid after configure(), also when it returned kOverBudget.
+  [[nodiscard]] std::size_t sensor_count() const { return sensor_count_; }
+  /// Table of a sensor, sensor < sensor_count().
+  [[nodiscard]] const LocalizationTable& table(std::size_t sensor = 0) const {
+    return sensors_[sensor].table;
+  }
+  /// Work bound of the configuration, the largest of its sensors'; valid after configure(), also when it
+  /// returned kOverBudget.
   [[nodiscard]] const WorkBound& bound() const { return bound_; }
   [[nodiscard]] const ModelCounters& counters() const { return counters_; }
-  [[nodiscard]] const Scale& scale() const { return scale_; }
+  /// Scale of a sensor; what depends on the grid alone is the same for all.
+  [[nodiscard]] const Scale& scale(std::size_t sensor = 0) const { return sensors_[sensor].scale; }
   [[nodiscard]] const Grid& grid() const { return grid_; }
   [[nodiscard]] Grid& grid() { return grid_; }
 
-  /// Merges one ping seen from `pose` (the transducer's own pose at the ping: lever arms applied).
+  /// Merges one ping that `sensor` (index into those configured) heard from `pose` (the transducer's own
+  /// pose at the ping: lever arms applied).
   /// Bounded: at most bound().total_voxels voxels written, kSlopeColumns columns read. Never fails on
   /// data: what cannot be used is counted and reported.
-  PingResult integrate(const base::Ping& ping, const base::Pose& pose);
+  PingResult integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor = 0);
 
   /// Depth, smoothing and uncertainty of every touched column: O(grid). Does not change the voxels or
   /// anything that later pings depend on.
@@ -120,12 +144,31 @@ class Model {
   static constexpr int kSlopeColumns = 9;
 
  private:
+  /// A kind of sensor with what follows from its table.
+  struct Sensor {
+    SensorConfig config;  // its table pointer is null: the block is below
+    LocalizationTable table;
+    Scale scale;
+  };
+  void set_pull();
+  [[nodiscard]] ColumnDepth depth_of(std::uint32_t column, DepthMethod method) const;
+  [[nodiscard]] base::Status adopt_sensor(const SensorConfig& config, Sensor& sensor) const;
   [[nodiscard]] PingResult sight(const base::Ping& ping, const base::Pose& pose,
                                  Sighting& sighting) const;
   void prefetch_columns(const BeamFrame& frame, const Sighting& sighting) const;
   [[nodiscard]] Slope estimate_slope(const BeamFrame& frame, const Sighting& sighting);
+  struct ShellContext;
+  struct RowTotals {
+    std::uint32_t voxels;
+    std::uint32_t columns;
+    std::uint32_t rescale_candidate;  // index of a column to look at for saturation, or none
+  };
+  template <bool kTwoAxis>
+  RowTotals add_shell_row(const ShellEvent& event, const ShellContext& context, std::int32_t n);
   void add_shell_event(const ShellEvent& event, std::uint32_t now_ds);
   void check_saturation(std::uint32_t column);
+  void add_empty(Voxel* voxels, std::int32_t count, std::uint32_t first, std::uint32_t strength_q7,
+                 std::uint32_t distance, std::uint32_t dither) const;
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
              std::int32_t range_q10, std::uint32_t weight_q7);
   struct TileSpan;
@@ -140,8 +183,10 @@ class Model {
   [[nodiscard]] Slope result_slope(std::int32_t n, std::int32_t e) const;
 
   ModelConfig config_{};
-  LocalizationTable table_{};
-  Scale scale_{};
+  Sensor sensors_[kMaxSensors] = {};
+  std::size_t sensor_count_ = 0;
+  const Sensor* sensor_ = sensors_;  // of the ping under way
+  Scale scale_{};                    // of the first sensor
   WorkBound bound_{};
   ModelCounters counters_{};
   bool configured_ = false;

@@ -144,8 +144,9 @@ base::Result<int> TilePacketEncoder::add(const TileUpdate& update, CellMask& tak
     coder_ = coder_before;
     model_ = model_before;
     memory_ = memory_before;
-    // Fewer cells make a mask of other length: what fitted may just not, hence one by one from there.
-    count = base::min_of(fitting, count - 1);
+    // Fewer cells have a mask of other length: what fitted may just not, hence one by one from there.
+    // When the mask alone was too long nothing is known yet but that fewer may do.
+    count = fitting > 0 ? base::min_of(fitting, count - 1) : count / 2;
     if (count == 0) {
       return base::Status::kFull;
     }

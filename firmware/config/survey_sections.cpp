@@ -11,7 +11,8 @@
 namespace leadline::host {
 namespace {
 
-constexpr std::array<const char*, 2> kRuleNames = {"weighted_mean", "log_odds"};
+constexpr std::array<const char*, 4> kRuleNames = {"weighted_mean", "log_odds",
+                                                   "certainty_factor", "recursive"};
 constexpr std::array<const char*, 2> kNoReturnNames = {"ignore", "empty"};
 
 [[noreturn]] void refuse(const std::string& name, const std::string& what) {
@@ -232,8 +233,8 @@ model::ModelConfig to_model_config(const GridConfig& grid, const SonarRanges& ra
   check_capacity(grid, ranges, config_name);
   model::ModelConfig result{};
   result.schema_version = model::kConfigSchemaVersion;
-  result.rule =
-      model.rule == Rule::kWeightedMean ? model::Rule::kWeightedMean : model::Rule::kLogOdds;
+  result.rule = model.rule;
+  result.k_p_q16 = static_cast<std::uint32_t>(std::max(1LL, std::llround(model.k_p * 65536.0)));
   result.no_return = ranges.no_return == NoReturn::kEmpty ? model::NoReturnPolicy::kEmpty
                                                           : model::NoReturnPolicy::kIgnore;
   result.cell_mm = grid.cell_mm;

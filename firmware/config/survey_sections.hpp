@@ -20,7 +20,7 @@ enum class NoReturn : std::uint8_t {
   kEmpty,   ///< "empty": nothing up to detect_range_mm
 };
 
-enum class Rule : std::uint8_t { kWeightedMean, kLogOdds };
+using model::Rule;
 
 /// [grid]: voxels, half-open cells, axes north, east, down.
 struct GridConfig {
@@ -58,8 +58,9 @@ struct NavigationSigmas {
 
 /// [model]
 struct ModelConfig {
-  Rule rule = Rule::kLogOdds;  ///< "weighted_mean" or "log_odds"
-  double k_p = 0.5;            ///< gain of recursive rules, unused by the two above; over 0 .. 1
+  /// "weighted_mean", "log_odds", "certainty_factor", "recursive"
+  Rule rule = Rule::kLogOdds;
+  double k_p = 0.5;  ///< gain of the latter two, unused by the others; over 0 .. 1
 };
 
 /// [frame]: where the survey's origin lies; for georeferenced exports, no effect on the map.

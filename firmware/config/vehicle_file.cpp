@@ -203,9 +203,9 @@ void read_mount(const TomlSection& section, const std::string& base_dir, Vehicle
     section.find_missing("table is missing: the beam, made by `leadline table`");
   } else if (section.read_path("table", base_dir, &table)) {
     mount.table = table_number(table, &file->table_paths);
-    if (mount.table != 0) {
-      section.refuse("table", "one table for all mounts so far; the first is " +
-                                  printable(file->table_paths.front(), 200));
+    if (file->table_paths.size() > firmware::kMaxTables) {
+      section.refuse("table", "at most " + std::to_string(firmware::kMaxTables) +
+                                  " tables, and this would be one more");
     }
   }
   file->config.mounts[file->mount_names.size()] = mount;

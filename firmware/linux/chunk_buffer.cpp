@@ -24,8 +24,7 @@ bool ChunkBuffer::has_room(const hal::LinuxPort& port, std::size_t source) const
 }
 
 bool ChunkBuffer::extends(std::uint8_t number, base::TimeUs t_us) const {
-  return !chunks_.empty() && chunks_.back().port == number &&
-         chunks_.back().t_arrival_us == t_us &&
+  return !chunks_.empty() && chunks_.back().port == number && chunks_.back().t_arrival_us == t_us &&
          chunks_.back().size_bytes < firmware::kMaxChunk_bytes;
 }
 
@@ -43,8 +42,8 @@ bool ChunkBuffer::read(hal::LinuxPort& port, std::size_t source, std::uint8_t nu
   const bool extend = !port.datagrams() && extends(number, now_us);
   const std::size_t chunk_room =
       firmware::kMaxChunk_bytes - (extend ? std::size_t{chunks_.back().size_bytes} : 0);
-  const std::size_t room = std::min({chunk_room, share_bytes_ - used_bytes_[source],
-                                     bytes_.size() - filled_bytes_, limit_bytes});
+  const std::size_t room = std::min(
+      {chunk_room, share_bytes_ - used_bytes_[source], bytes_.size() - filled_bytes_, limit_bytes});
   base::TimeUs t_arrival_us = now_us;
   const std::size_t size = port.read(now_us, bytes_.data() + filled_bytes_, room, t_arrival_us);
   if (size == 0) {

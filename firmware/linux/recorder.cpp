@@ -1,15 +1,15 @@
 #include "firmware/linux/recorder.hpp"
 
-#include <fcntl.h>
-#include <poll.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <sstream>
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/linux/monotonic.hpp"
@@ -66,8 +66,7 @@ Recorder::Recorder(const std::string& path, std::int64_t max_bytes)
   fd_ = create_log(&path_);
   if (fd_ < 0) {
     const int number = errno;
-    throw HostError(ExitCode::kOutput,
-                    path + ": cannot create the log: " + std::strerror(number));
+    throw HostError(ExitCode::kOutput, path + ": cannot create the log: " + std::strerror(number));
   }
   regular_ = is_regular(fd_);
   synced_us_ = monotonic_us();
@@ -88,8 +87,8 @@ bool Recorder::finish() {
 
 RecorderReport Recorder::report() const {
   return {bytes_written_.load(std::memory_order_relaxed),
-          records_lost_.load(std::memory_order_relaxed), bytes_lost_.load(std::memory_order_relaxed),
-          failing_.load(std::memory_order_relaxed)};
+          records_lost_.load(std::memory_order_relaxed),
+          bytes_lost_.load(std::memory_order_relaxed), failing_.load(std::memory_order_relaxed)};
 }
 
 // ---- Vehicle thread -----------------------------------------------------------------------------
@@ -104,9 +103,12 @@ bool Recorder::push(base::TimeUs t_us, const std::uint8_t* frames, std::size_t s
     bytes_lost_.fetch_add(size_bytes, std::memory_order_relaxed);
     return false;
   }
-  const BatchHead head = {t_us,    static_cast<std::uint32_t>(size_bytes),
-                          records, ring_losses_.bytes,
-                          ring_losses_.records, 0};
+  const BatchHead head = {t_us,
+                          static_cast<std::uint32_t>(size_bytes),
+                          records,
+                          ring_losses_.bytes,
+                          ring_losses_.records,
+                          0};
   ring_losses_ = {};
   std::array<std::uint8_t, sizeof head> bytes{};
   std::memcpy(bytes.data(), &head, sizeof head);
@@ -227,14 +229,15 @@ bool Recorder::write_whole(const std::uint8_t* data, std::size_t size_bytes) {
   if (written > 0 && regular_ && ::ftruncate(fd_, file_bytes_) == 0) {
     (void)::lseek(fd_, file_bytes_, SEEK_SET);  // half a batch goes: the log holds whole frames
   }
-  const bool full = number == kLimitReached || number == ENOSPC || number == EDQUOT ||
-                    number == EFBIG;
+  const bool full =
+      number == kLimitReached || number == ENOSPC || number == EDQUOT || number == EFBIG;
   reason_ = full ? proto::LogGapReason::kDiskFull : proto::LogGapReason::kWriteError;
   if (number != failure_) {
     failure_ = number;
     say("not recorded from here on, mapping goes on: " +
-        (number == kLimitReached ? "the limit of " + std::to_string(max_bytes_) + " bytes is reached"
-                                 : std::string(std::strerror(number))));
+        (number == kLimitReached
+             ? "the limit of " + std::to_string(max_bytes_) + " bytes is reached"
+             : std::string(std::strerror(number))));
   }
   return false;
 }

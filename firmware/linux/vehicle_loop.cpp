@@ -18,9 +18,9 @@ namespace leadline::host {
 namespace {
 
 constexpr int kConnect_ms = 10'000;
-constexpr int kGrantSlice_ms = 100;                   ///< how long an order to stop waits at most
-constexpr std::int64_t kSilence_us = 60'000'000;      ///< of the emulator
-constexpr std::int64_t kArrival_us = 10'000'000;      ///< of granted bytes
+constexpr int kGrantSlice_ms = 100;               ///< how long an order to stop waits at most
+constexpr std::int64_t kSilence_us = 60'000'000;  ///< of the emulator
+constexpr std::int64_t kArrival_us = 10'000'000;  ///< of granted bytes
 constexpr int kAnswer_ms = 10'000;
 constexpr base::TimeUs kReportInterval_us = 1'000'000;
 constexpr std::int64_t kFastDrain_us = 1000;
@@ -161,10 +161,10 @@ void VehicleLoop::take_granted(std::size_t index, base::TimeUs t_us, std::uint64
       continue;
     }
     if (monotonic_us() - start_us > kArrival_us) {
-      throw HostError(ExitCode::kInput,
-                      lines_[index].name + " " + lines_[index].uri + ": the emulator granted " +
-                          std::to_string(total) + " bytes, " +
-                          std::to_string(line.counters().bytes_in) + " arrived");
+      throw HostError(ExitCode::kInput, lines_[index].name + " " + lines_[index].uri +
+                                            ": the emulator granted " + std::to_string(total) +
+                                            " bytes, " + std::to_string(line.counters().bytes_in) +
+                                            " arrived");
     }
     pollfd wait = {line.poll_fd(), POLLIN, 0};
     sleep_until_ready(&wait, line.poll_fd() >= 0 ? 1 : 0, 10'000);
@@ -283,9 +283,8 @@ void VehicleLoop::begin_log(base::TimeUs t_us) {
     blocks.push_back({&table, sizeof table});
   }
   proto::LogWriter writer(batch_.data(), batch_.size());
-  const base::Status status =
-      firmware::log_begin(writer, vehicle_.config(), blocks.data(), blocks.size(), t_us,
-                          lockstep() ? 0 : utc_us());
+  const base::Status status = firmware::log_begin(writer, vehicle_.config(), blocks.data(),
+                                                  blocks.size(), t_us, lockstep() ? 0 : utc_us());
   if (status != base::Status::kOk) {
     throw HostError(ExitCode::kInternal,
                     std::string("the log's header: ") + base::status_text(status));

@@ -2,14 +2,14 @@
 // the cycle.
 #pragma once
 
-#include <poll.h>
-
 #include <array>
 #include <csignal>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
+
+#include <poll.h>
 
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/linux/chunk_buffer.hpp"
@@ -102,7 +102,7 @@ class VehicleLoop {
   base::TimeUs report_due_us_ = 0;
   firmware::HostReport reported_{};
   bool ever_reported_ = false;
-  bool stopping_ = false;    ///< devices are asked for nothing any more
+  bool stopping_ = false;  ///< devices are asked for nothing any more
   std::array<pollfd, ChunkBuffer::kSources> waits_{};
   std::array<std::size_t, ChunkBuffer::kSources> waiting_lines_{};
 };

@@ -6,6 +6,7 @@
 
 #include "model/base/pose.hpp"
 #include "model/base/units.hpp"
+#include "model/capacity.hpp"
 #include "model/config.hpp"
 
 namespace leadline::firmware {
@@ -13,6 +14,8 @@ namespace leadline::firmware {
 inline constexpr std::uint16_t kVehicleConfigSchemaVersion = 1;
 inline constexpr int kMaxPorts = 8;   ///< device ports, the link not counted
 inline constexpr int kMaxMounts = 8;  ///< one per sonar head
+/// Localization tables: one per kind of head.
+inline constexpr std::size_t kMaxTables = model::kMaxSensors;
 
 /// Codec at the end of a port.
 enum class Driver : std::uint8_t {

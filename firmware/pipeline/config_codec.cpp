@@ -63,6 +63,7 @@ template <typename Visit>
 void walk_model(Visit& visit, model::ModelConfig& config) {
   visit(config.schema_version);
   visit(config.rule);
+  visit(config.k_p_q16);
   visit(config.no_return);
   visit(config.cell_mm);
   walk_array(visit, config.size);
@@ -149,7 +150,7 @@ bool known_enumerators(const VehicleConfig& config) {
       return false;
     }
   }
-  return config.model.rule <= model::Rule::kLogOdds &&
+  return config.model.rule <= model::Rule::kRecursive &&
          config.model.no_return <= model::NoReturnPolicy::kEmpty;
 }
 

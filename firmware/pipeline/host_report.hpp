@@ -18,9 +18,9 @@ struct HostReport {
   std::uint32_t recorder_lost;  ///< records that the recorder lost since its start
   std::uint32_t cycle_last_us;  ///< time that the last cycle took; 0 where nobody measures
   std::uint32_t cycle_max_us;
-  std::uint8_t port_count;                  ///< 0 .. kMaxPorts
-  std::uint8_t port_open[kMaxPorts];        ///< 0 closed, 1 open
-  std::uint32_t dropped_bytes[kMaxPorts];   ///< for want of room, both directions, low 32 bits
+  std::uint8_t port_count;                 ///< 0 .. kMaxPorts
+  std::uint8_t port_open[kMaxPorts];       ///< 0 closed, 1 open
+  std::uint32_t dropped_bytes[kMaxPorts];  ///< for want of room, both directions, low 32 bits
 };
 
 /// Little-endian: version u8 = 1, port_count u8, reserved u16 = 0, the four numbers u32, then per port

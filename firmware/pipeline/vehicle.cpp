@@ -100,7 +100,7 @@ Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) cons
     return Status::kBadVersion;
   }
   if (config.port_count > kMaxPorts || config.mount_count > kMaxMounts || config.table_count < 1 ||
-      config.table_count > proto::kMaxHelloTables || config.cycle_tile_budget < 1 ||
+      config.table_count > kMaxTables || config.cycle_tile_budget < 1 ||
       !within(config.sound_speed_mm_s, kSlowestSound_mm_s, kFastestSound_mm_s) ||
       !link_sound(config.link) || config.navigation.max_wait_us < 0) {
     return Status::kOutOfRange;
@@ -117,7 +117,7 @@ Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) cons
     if (!mount_sound(config.mounts[mount])) {
       return Status::kOutOfRange;
     }
-    if (config.mounts[mount].table != 0) {
+    if (config.mounts[mount].table >= config.table_count) {
       return Status::kInvalidArgument;
     }
   }
@@ -156,15 +156,16 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   if (status != Status::kOk) {
     return status;
   }
-  status = model_.configure(config.model, tables[0].bytes, tables[0].size_bytes);
+  model::SensorConfig sensors[model::kMaxSensors] = {};
+  for (std::size_t i = 0; i < table_count; ++i) {
+    sensors[i] = {tables[i].bytes, tables[i].size_bytes, config.model.min_range_um,
+                  config.model.max_range_um, config.model.detect_range_um};
+  }
+  status = model_.configure_sensors(config.model, sensors, table_count);
   if (status != Status::kOk) {
     return status;
   }
   for (std::size_t i = 0; i < table_count; ++i) {
-    status = model::check_table(tables[i].bytes, tables[i].size_bytes);
-    if (status != Status::kOk) {
-      return status;
-    }
     table_crc_[i] = base::crc32c(tables[i].bytes, tables[i].size_bytes);
   }
   const base::Result<std::size_t> blob = encode_config(config_, payload_.data(), payload_.size());
@@ -172,6 +173,7 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   survey_tag_ = proto::survey_tag(config_.survey_id, config_.session);
   counters_ = VehicleCounters{};
   watch_ = Watch{};
+  host_ = HostReport{};
   first_cycle_ = true;
   tick_ = 0;
   pending_.clear();
@@ -197,7 +199,7 @@ void Vehicle::configure_ports() {
       port.driver = Driver::kNone;
     }
     ports_[i].configure(port, config_.sound_speed_mm_s);
-    detector_[i] = model::EchoDetectorConfig{model_.table().detection_fraction_q16,
+    detector_[i] = model::EchoDetectorConfig{model_.table(config_.mounts[port.mount].table).detection_fraction_q16,
                                              port.min_range_um, port.max_range_um};
   }
 }
@@ -266,8 +268,13 @@ void Vehicle::take_chunks(const CycleInput& input) {
 }
 
 void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
-  if (chunk.data == nullptr || (chunk.port >= config_.port_count && chunk.port != kUplinkPort)) {
+  if (chunk.data == nullptr ||
+      (chunk.port >= config_.port_count && chunk.port != kUplinkPort && chunk.port != kHostPort)) {
     ++counters_.chunks_ignored;
+    return;
+  }
+  if (chunk.port == kHostPort) {
+    counters_.chunks_ignored += decode_host_report(chunk.data, size_bytes, host_) ? 0U : 1U;
     return;
   }
   if (chunk.port == kUplinkPort) {
@@ -421,7 +428,7 @@ void Vehicle::map_pings() {
     PingLoss loss = PingLoss::kNoPose;
     bool wait = false;
     if (pose_for(ready_, pose, loss, wait)) {
-      static_cast<void>(model_.integrate(ready_, pose));
+      static_cast<void>(model_.integrate(ready_, pose, config_.mounts[ready_.mount].table));
       keep_mapped(pose);
       ++counters_.pings_mapped;
       written += model_.counters().last_voxels_per_ping;

@@ -13,6 +13,7 @@
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
 #include "firmware/pipeline/downlink.hpp"
+#include "firmware/pipeline/host_report.hpp"
 #include "firmware/pipeline/link_map.hpp"
 #include "firmware/pipeline/ping_queue.hpp"
 #include "firmware/pipeline/tile_set.hpp"
@@ -141,8 +142,7 @@ class Vehicle {
   /// Checks and adopts a configuration and its tables (all copied); forgets everything before. O(grid).
   /// * kBadVersion: schema of the configuration or of a table
   /// * kOutOfRange: a count, driver, mount index, rate or limit outside its range
-  /// * kInvalidArgument: table_count is not config.table_count, or a mount asks for a table other than 0
-  ///   (one table per model for now)
+  /// * kInvalidArgument: table_count is not config.table_count, or a mount asks for a table beyond it
   /// * whatever Model::configure says otherwise
   /// The vehicle does nothing until this has returned kOk.
   [[nodiscard]] base::Status configure(const VehicleConfig& config, const TableBlock* tables,
@@ -258,6 +258,7 @@ class Vehicle {
   proto::FrameDecoderBuffer<proto::kMaxResendRequest_bytes> uplink_;
   std::uint32_t uplink_bad_ = 0;  ///< frames that its decoder had dropped when last looked at
   Watch watch_{};
+  HostReport host_{};              ///< the newest; port_count 0 while there is none
   std::uint32_t alarms_said_ = 0;  ///< bits that a text has reported
   std::uint32_t texts_due_ = 0;    ///< bits that a text is owed for
   std::array<std::uint8_t, proto::kMaxPayload_bytes> payload_{};

@@ -172,6 +172,9 @@ void Vehicle::fill_status(proto::Status& status) const {
   status.pitch_bam16 = static_cast<std::uint16_t>(pose.attitude.pitch_bam32 >> 16U);
   status.heading_bam16 = static_cast<std::uint16_t>(pose.attitude.heading_bam32 >> 16U);
 
+  status.cycle_last_us = host_.cycle_last_us;
+  status.cycle_max_us = host_.cycle_max_us;
+  status.recorder_lost = host_.recorder_lost;
   status.work_last_voxels = counters_.work_last_voxels;
   status.work_max_voxels = counters_.work_max_voxels;
   status.work_bound_voxels =
@@ -210,14 +213,18 @@ void Vehicle::fill_status(proto::Status& status) const {
   for (int port = 0; port < config_.port_count; ++port) {
     const PortTally& tally = counters_.ports[port];
     const bool heard = now_us_ - watch_.last_record_us[port] <= kSilence_us && tally.records != 0;
-    status.ports[port] =
-        proto::PortStatus{static_cast<std::uint8_t>(heard ? 1 : 0), low32(tally.bytes),
-                          low32(tally.records), low32(tally.rejected), 0};
+    // Without a host that knows, a port that says something is open.
+    const bool told = port < host_.port_count;
+    const bool open = told ? host_.port_open[port] != 0 : heard;
+    status.ports[port] = proto::PortStatus{
+        static_cast<std::uint8_t>(open ? 1 : 0), low32(tally.bytes), low32(tally.records),
+        low32(tally.rejected), told ? host_.dropped_bytes[port] : 0U};
   }
 }
 
 std::uint32_t Vehicle::alarms_now() const {
   std::uint32_t alarms = watch_.paused ? proto::kAlarmMappingPaused : 0U;
+  alarms |= host_.alarms & (proto::kAlarmPortLost | proto::kAlarmRecorderLost);
   const auto raise = [&alarms](bool condition, std::uint32_t bit) {
     alarms |= condition ? bit : 0U;
   };

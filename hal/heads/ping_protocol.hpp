@@ -94,9 +94,8 @@ struct PingFrame {
 /// Use: feed() a byte, then take frames with next() until it returns false.
 ///
 /// O(1) per byte for a clean stream. Each wrong start that looks right (both letters, id and length)
-/// costs one sum over at most kMaxPingFrame_bytes: such starts are six
-/// bytes apart or more, so below 210 additions per byte fed, whatever is fed.
-/// Not reentrant; no heap; about 6.1 KiB.
+/// costs one sum over at most kMaxPingFrame_bytes; such starts are six bytes apart or more, so that is
+/// below 210 additions per byte fed, whatever is fed. Not reentrant; no heap; about 6.1 KiB.
 class PingParser {
  public:
   /// A pause this long inside a frame ends it: the heads send a frame in one piece, and a serial line

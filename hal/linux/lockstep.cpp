@@ -5,11 +5,15 @@
 #include <chrono>
 #include <cstring>
 
+#include "hal/wire.hpp"
+
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
+
+#include "hal/wire.hpp"
 
 namespace leadline::hal {
 namespace {

@@ -115,6 +115,7 @@ ModelConfig plain_config(std::int32_t north, std::int32_t east, std::int32_t dow
   ModelConfig config{};
   config.schema_version = kConfigSchemaVersion;
   config.rule = Rule::kLogOdds;
+  config.k_p_q16 = 32768;
   config.no_return = NoReturnPolicy::kIgnore;
   config.cell_mm = 1000;
   config.size[0] = north;

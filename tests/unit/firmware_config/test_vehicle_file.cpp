@@ -212,6 +212,16 @@ TEST(the_example_is_good_and_shows_every_key) {
   }
 }
 
+/// `count` mounts more, each with a table of its own.
+std::string other_mounts(int count) {
+  std::string text;
+  for (int i = 1; i <= count; ++i) {
+    const std::string number = std::to_string(i);
+    text += "[[mount]]\nname = \"m" + number + "\"\ntable = \"other" + number + ".llt\"\n";
+  }
+  return text;
+}
+
 TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
   struct Case {
     std::string text;
@@ -266,8 +276,8 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
        "has to be an array of three: [forward, right, down]"},
       {kGrid + kMount + "lever_arm_mm = [0, 0, 100001]\n" + rest, "lever_arm_mm[2] = 100001"},
       {kGrid + kMount + "boresight_deg = [361, 0, 0]\n" + rest, "boresight_deg[0] = 361"},
-      {kGrid + kMount + "[[mount]]\nname = \"b\"\ntable = \"other.llt\"\n" + rest,
-       "table = other.llt: one table for all mounts so far; the first is beam.llt"},
+      {kGrid + kMount + other_mounts(4) + rest,
+       "table = other4.llt: at most 4 tables, and this would be one more"},
       {kGrid + kMount + kLink, "a table [[port]] is missing"},
       {kGrid + kMount + kLink + "[[port]]\ndriver = \"nmea\"\n",
        "v.toml:10: [[port]] uri is missing"},

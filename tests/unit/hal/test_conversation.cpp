@@ -256,6 +256,26 @@ TEST(ping1d_reboot_is_noticed_and_set_up_again) {
   assert_int_equal(codec.counters().restarts, 1);
 }
 
+TEST(ping1d_a_number_that_goes_back_is_a_reboot) {
+  EmulatedPing1d device({}, sinking);
+  Ping1dCodec codec(altimeter());
+  Line<Ping1dCodec> line(codec, device);
+  line.count_until(5 * kSecond_us);
+  const auto measured = [&](std::uint32_t number) {
+    leadline::emu::PayloadWriter distance;
+    distance.u32(4000).u16(50).u16(100).u32(number).u32(500).u32(29'500).u32(3);
+    return leadline::test::records_of<Ping>(
+               codec, leadline::emu::ping_frame(1212, 1, 0, distance.payload()), line.now_us())
+        .size();
+  };
+  assert_int_equal(measured(device.ping_number() + 1), 1);
+  assert_true(codec.running());
+  // The same scan, and still a measurement: but who counts from the start may have lost more.
+  assert_int_equal(measured(1), 1);
+  assert_false(codec.running());
+  assert_int_equal(codec.counters().restarts, 1);
+}
+
 TEST(ping1d_settings_changed_behind_the_back) {
   EmulatedPing1d device({}, sinking);
   Ping1dCodec codec(altimeter());
@@ -438,6 +458,36 @@ TEST(ping360_polled_goes_to_and_fro) {
   }
   assert_int_equal(device.missed(), 0);
   assert_int_equal(codec.counters().timeouts, 0);
+}
+
+TEST(ping360_a_late_answer_leaves_the_younger_request_waiting) {
+  EmulatedPing360 device({}, wall);
+  Ping360Config config = sector();
+  config.poll_interval_us = 20'000;
+  Ping360Codec codec(config);
+  TimeUs t_us = 0;
+  Bytes answer;
+  std::uint8_t out[Ping360Codec::kMaxRequest_bytes];
+  // Until a beam is asked for and the answer is there, not yet delivered.
+  for (; answer.size() < 1000; t_us += 1000) {
+    for (const std::uint8_t byte : answer) {
+      Ping ping{};
+      static_cast<void>(codec.feed(byte, t_us, ping));
+    }
+    answer.clear();
+    device.take(t_us, out, codec.request(t_us, out, sizeof out));
+    device.advance(t_us, answer);
+  }
+  Bytes stale = answer;
+  stale[10] = 155;  // the angle was 150
+  const unsigned sum = stale[stale.size() - 2] + 256U * stale.back() + 5U;
+  stale[stale.size() - 2] = static_cast<std::uint8_t>(sum);
+  stale.back() = static_cast<std::uint8_t>(sum >> 8U);
+  // A ping it is, but not the answer: no new request before that has come.
+  assert_int_equal(leadline::test::records_of<Ping>(codec, stale, t_us).size(), 1);
+  assert_int_equal(codec.request(t_us + 100'000, out, sizeof out), 0);
+  assert_int_equal(leadline::test::records_of<Ping>(codec, answer, t_us + 100'000).size(), 1);
+  assert_int_equal(codec.request(t_us + 120'000, out, sizeof out), 24);
 }
 
 TEST(ping360_old_firmware_is_polled_round_and_round) {

@@ -338,7 +338,9 @@ TEST(decimals_are_exact) {
     assert_true(body(text).depth_um == (depth_e9 < 0 ? -rounded : rounded));
   }
   assert_true(body("PRVAT,,M,1.0000004999,Metres").depth_um == 1'000'001);  // the tenth rounds
-  assert_true(body("PRVAT,,M,1.00000049949,Metres").depth_um == 1'000'000);
+  assert_true(body("PRVAT,,M,1.0000004995,Metres").depth_um == 1'000'001);
+  assert_true(body("PRVAT,,M,1.0000004994,Metres").depth_um == 1'000'000);
+  assert_true(body("PRVAT,,M,1.00000049949,Metres").depth_um == 1'000'000);  // the tenth alone
   assert_true(body("PRVAT,,M,-0.0,Metres").depth_um == 0);
 }
 

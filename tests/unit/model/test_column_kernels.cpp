@@ -1,4 +1,6 @@
 // The inner loops: vector form against scalar form, both against wide arithmetic, exhaustively.
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <vector>
 
@@ -44,9 +46,9 @@ Evidence random_evidence(Random& random) {
       case 1:
         return static_cast<std::uint32_t>(random.between(1, 128));
       case 2:
-        return 32767;
+        return kMaxWeight_q7;
       default:
-        return static_cast<std::uint32_t>(random.between(0, 32767));
+        return static_cast<std::uint32_t>(random.between(0, kMaxWeight_q7));
     }
   };
   return Evidence{half(), half()};
@@ -100,6 +102,115 @@ TEST(vector_form_equals_scalar_form_and_touches_nothing_else) {
       }
     }
   }
+}
+
+TEST(whole_kernel_rows_are_added_as_their_taps_are) {
+  Random random(11);
+  constexpr std::size_t kColumn = 64;
+  for (std::int32_t first = 0; first < leadline::model::kKernelTaps; ++first) {
+    for (std::int32_t count = 1; first + count <= leadline::model::kKernelTaps; ++count) {
+      for (int repeat = 0; repeat < 20; ++repeat) {
+        // What follows the row in a table is another row: it must not leak in.
+        std::int16_t rows[2][leadline::model::kKernelTaps] = {};
+        for (std::int32_t i = 0; i < count; ++i) {
+          rows[0][first + i] = static_cast<std::int16_t>(random.between(0, 32767));
+        }
+        for (std::int16_t& tap : rows[1]) {
+          tap = 32767;
+        }
+        std::vector<Voxel> vector(kColumn + kSlack);
+        for (Voxel& voxel : vector) {
+          voxel = Voxel{random_half(random), random_half(random)};
+        }
+        std::vector<Voxel> scalar = vector;
+        const Evidence evidence = random_evidence(random);
+        const auto dither = static_cast<std::uint32_t>(random.next());
+        add_shell_taps(vector.data() + 5, rows[0], first, count, dither, evidence);
+        add_shell_scalar(scalar.data() + 5, rows[0] + first, count, 0, evidence, dither);
+        assert_true(same(vector, scalar));
+      }
+    }
+  }
+}
+
+/// The two pulling rules as the source writes them, in double.
+double certainty_reference(double x, double y) {
+  const bool same_sign = x * y > 0.0;
+  return same_sign ? x + y - std::fabs(x) * y : x + y;
+}
+
+TEST(pulled_voxels_follow_the_source_within_one_unit) {
+  Random random(12);
+  double worst_recursive = 0.0;
+  double worst_certainty = 0.0;
+  for (int trial = 0; trial < 200'000; ++trial) {
+    const auto dither = static_cast<std::uint32_t>(random.next());
+    // Past one: limited to the whole voxel.
+    const Pull pull{static_cast<std::uint32_t>(random.between(0, 90'000)),
+                    static_cast<std::uint32_t>(random.between(0, 65535))};
+    const std::int16_t tap = static_cast<std::int16_t>(random.between(0, 32767));
+    const double share =
+        std::min(1.0, static_cast<double>(pull.gain_q15) / 32768.0 * tap / 32768.0);
+    const double rho = pull.signal_q16 / 65535.0;
+
+    const std::uint16_t hit = random_half(random);
+    const auto miss = static_cast<std::uint16_t>(random.between(0, kFull - hit));
+    Voxel voxel{hit, miss};
+    pull_shell(Rule::kRecursive, &voxel, &tap, 1, 3, pull, dither);
+    const double hit_expected = hit + (65535.0 * rho - hit) * share;
+    const double miss_expected = miss + (65535.0 * (1.0 - rho) - miss) * share;
+    worst_recursive = std::max({worst_recursive, std::fabs(voxel.hit - hit_expected),
+                                std::fabs(voxel.miss - miss_expected)});
+
+    const bool against = random.between(0, 1) == 1;
+    voxel = against ? Voxel{0, hit} : Voxel{hit, 0};
+    const double x = (against ? -1.0 : 1.0) * hit / 65535.0;
+    pull_shell(Rule::kCertaintyFactor, &voxel, &tap, 1, 3, pull, dither);
+    const double expected =
+        std::clamp(certainty_reference(x, share * (2.0 * rho - 1.0)), -1.0, 1.0);
+    worst_certainty =
+        std::max(worst_certainty, std::fabs((voxel.hit - voxel.miss) - 65535.0 * expected));
+    assert_true(voxel.hit == 0 || voxel.miss == 0);
+  }
+  print_message("worst difference, voxel units: recursive %.3f, certainty factor %.3f\n",
+                worst_recursive, worst_certainty);
+  // Rounding: one unit; the share's own rounding to 2^-15: up to four (65535 * 2 / 32768).
+  assert_true(worst_recursive < 1.0 + 2.0 + 0.01);
+  assert_true(worst_certainty < 1.0 + 2.0 + 0.01);
+}
+
+TEST(small_pulls_neither_vanish_nor_drift) {
+  // A share far below one unit, many times: the mean follows the exact filter.
+  for (const Rule rule : {Rule::kRecursive, Rule::kCertaintyFactor}) {
+    constexpr int kVoxels = 512;
+    constexpr int kPings = 4000;
+    std::vector<Voxel> voxels(kVoxels);
+    double exact = 0.0;
+    const Pull pull{1, 65535};  // 2^-15 of a voxel
+    for (std::uint32_t ping = 0; ping < kPings; ++ping) {
+      pull_uniform(rule, voxels.data(), kVoxels, 0, pull, leadline::base::mix_u32(ping));
+      exact += (1.0 - exact) / 32768.0;
+    }
+    double mean = 0.0;
+    for (const Voxel& voxel : voxels) {
+      mean += voxel.hit / 65535.0 / kVoxels;
+      assert_int_equal(voxel.miss, 0);
+    }
+    assert_near(mean, exact, 0.001 * exact);
+  }
+}
+
+TEST(pulled_halves_stay_within_the_whole) {
+  // hit + miss never exceeds one voxel by more than the rounding of both, whatever the sequence.
+  Random random(13);
+  Voxel voxel{};
+  for (int ping = 0; ping < 100'000; ++ping) {
+    const Pull pull{static_cast<std::uint32_t>(random.between(0, 40'000)),
+                    static_cast<std::uint32_t>(random.between(0, 65535))};
+    pull_uniform(Rule::kRecursive, &voxel, 1, 0, pull, static_cast<std::uint32_t>(random.next()));
+    assert_true(voxel.hit + voxel.miss <= kFull + 2);
+  }
+  assert_true(voxel.hit + voxel.miss >= kFull - 2);
 }
 
 TEST(column_profiles_in_vector_and_scalar_form_are_the_same) {
@@ -160,9 +271,9 @@ TEST(column_profiles_in_vector_and_scalar_form_are_the_same) {
 }
 
 TEST(every_voxel_value_saturates_as_wide_arithmetic_does) {
-  constexpr std::uint32_t kWeights[] = {0,     1,     2,     3,     63,    64,   127,  128,
-                                        129,   255,   256,   1000,  4095,  4096, 8191, 16383,
-                                        16384, 32639, 32640, 32641, 32766, 32767};
+  constexpr std::uint32_t kWeights[] = {0,    1,     2,     3,     63,    64,   127,
+                                        128,  129,   255,   256,   1000,  4095, 4096,
+                                        8191, 16383, 16384, 32638, 32639, 32640};
   constexpr std::size_t kValues = 65536;
   std::vector<Voxel> before(kValues + kSlack);
   for (std::size_t i = 0; i < kValues; ++i) {
@@ -171,7 +282,7 @@ TEST(every_voxel_value_saturates_as_wide_arithmetic_does) {
   std::vector<std::int16_t> taps(kValues + kSlack);
   Random random(2);
   for (const std::uint32_t weight : kWeights) {
-    const Evidence evidence{weight, 32767U - weight};
+    const Evidence evidence{weight, kMaxWeight_q7 - weight};
     const auto dither_base = static_cast<std::uint32_t>(random.next());
     for (const int tap : {0, 1, 2, 255, 8192, 16384, 32766, 32767, -1}) {
       // -1: a different tap for every voxel.
@@ -213,31 +324,31 @@ TEST(the_sum_of_every_value_and_increment_saturates) {
   }
 }
 
-/// Sum of one voxel's increments over all 2^22 dithers, each once.
+/// Sum of one voxel's increments over all 2^16 dithers, each once.
 std::uint64_t sum_over_dither(std::uint32_t weight_q7, std::int16_t tap_q15) {
   std::vector<std::int16_t> taps(1 + kSlack, tap_q15);
   std::vector<Voxel> voxels(1 + kSlack);
   std::uint64_t total = 0;
-  for (std::uint32_t dither = 0; dither <= kDitherMask_q22; ++dither) {
+  for (std::uint32_t dither = 0; dither < 65536; ++dither) {
     voxels[0] = Voxel{};
-    add_shell(voxels.data(), taps.data(), 1, 0, Evidence{weight_q7, 0}, dither << 10U);
+    add_shell(voxels.data(), taps.data(), 1, 0, Evidence{weight_q7, 0}, dither);
     total += voxels[0].hit;
   }
   return total;
 }
 
 TEST(rounding_is_exactly_unbiased_over_the_dither_period) {
-  // Over all dithers the increments add up to the product itself: no weight is favoured, and the
-  // smallest possible one (2^-22 of a unit) is still counted once.
+  // Over all dithers the increments add up to the product, to the dither's own step: no weight is
+  // favoured, and one of 2^-16 of a unit is still counted once.
   struct Pair {
     std::uint32_t weight_q7;
     std::int16_t tap_q15;
   };
   for (const Pair pair : {Pair{1, 1}, Pair{1, 32767}, Pair{3, 5}, Pair{127, 1}, Pair{128, 16384},
-                          Pair{12345, 321}, Pair{32767, 32767}}) {
+                          Pair{8, 8}, Pair{12345, 321}, Pair{kMaxWeight_q7, 32767}}) {
     const auto product =
         static_cast<std::uint64_t>(pair.weight_q7) * static_cast<std::uint64_t>(pair.tap_q15);
-    assert_int_equal(sum_over_dither(pair.weight_q7, pair.tap_q15), product);
+    assert_int_equal(sum_over_dither(pair.weight_q7, pair.tap_q15), product >> 6U);
   }
 }
 

@@ -15,7 +15,10 @@ using leadline::test::plain_config;
 Status check_changed(const std::function<void(ModelConfig*)>& change) {
   ModelConfig config = plain_config(64, 64, 32);
   change(&config);
-  return check_config(config);
+  const Status status = check_config(config);
+  return status != Status::kOk ? status
+                               : check_ranges(config, config.min_range_um, config.max_range_um,
+                                              config.detect_range_um);
 }
 
 #define assert_status(status, statement) \
@@ -33,9 +36,26 @@ TEST(another_schema_is_refused_before_anything_else) {
 }
 
 TEST(enumerations) {
-  assert_status(kOutOfRange, c->rule = static_cast<Rule>(2));
+  assert_status(kOutOfRange, c->rule = static_cast<Rule>(4));
   assert_status(kOutOfRange, c->rule = static_cast<Rule>(255));
   assert_status(kOutOfRange, c->no_return = static_cast<NoReturnPolicy>(2));
+}
+
+TEST(gain_of_the_pulling_rules) {
+  for (const Rule rule : {Rule::kCertaintyFactor, Rule::kRecursive}) {
+    ModelConfig config = plain_config(64, 64, 32);
+    config.rule = rule;
+    config.k_p_q16 = 0;
+    assert_int_equal(check_config(config), Status::kOutOfRange);
+    config.k_p_q16 = 65537;
+    assert_int_equal(check_config(config), Status::kOutOfRange);
+    config.k_p_q16 = 65536;
+    assert_int_equal(check_config(config), Status::kOk);
+    config.k_p_q16 = 1;
+    assert_int_equal(check_config(config), Status::kOk);
+  }
+  // The others do not read it.
+  assert_status(kOk, c->k_p_q16 = 70000);
 }
 
 TEST(cell_size) {

@@ -28,6 +28,9 @@ Model other;
 
 using Vector = std::array<double, 3>;
 
+constexpr Rule kRules[] = {Rule::kLogOdds, Rule::kWeightedMean, Rule::kCertaintyFactor,
+                           Rule::kRecursive};
+
 void configure(Model& which, const ModelConfig& config, const LocalizationTable& table) {
   assert_int_equal(which.configure(config, &table, sizeof(table)), Status::kOk);
 }
@@ -539,7 +542,7 @@ TEST(silence_is_ignored_or_empty_by_policy) {
   assert_int_equal(model.integrate(silent, pose_at(16, 16, 5)), PingResult::kNoReturn);
   assert_true(touched(model).empty());
 
-  for (const Rule rule : {Rule::kLogOdds, Rule::kWeightedMean}) {
+  for (const Rule rule : kRules) {
     config.rule = rule;
     config.no_return = NoReturnPolicy::kEmpty;
     config.detect_range_um = 30'000'000;
@@ -552,7 +555,7 @@ TEST(silence_is_ignored_or_empty_by_policy) {
       deepest = std::max(deepest, at.k);
       highest = std::min(highest, at.k);
       assert_true(at.voxel.miss >= at.voxel.hit);
-      assert_true(rule == Rule::kWeightedMean || at.voxel.hit == 0);
+      assert_true(rule == Rule::kWeightedMean || rule == Rule::kRecursive || at.voxel.hit == 0);
     }
     // Voxel centres between the transducer, 5, and the range at which a target would have been heard.
     assert_int_equal(highest, 5);
@@ -568,6 +571,7 @@ TEST(empty_evidence_fades_with_range) {
   // Confidence of "empty" falls as the square root of range does, to nothing at the maximum range.
   ModelConfig config = plain_config(32, 32, 200);
   config.max_range_um = 200'000'000;
+  // The pulling rules end at the signal itself, however little of it each ping says.
   for (const Rule rule : {Rule::kLogOdds, Rule::kWeightedMean}) {
     config.rule = rule;
     configure(model, config, plain_table(thin_beam()));
@@ -621,7 +625,7 @@ TEST(a_two_axis_table_writes_an_elongated_footprint) {
   beam.half_angle_along_rad = 0.01;
   beam.half_angle_across_rad = 0.25;
   beam.sigma_pointing_rad = 0.002;
-  for (const Rule rule : {Rule::kLogOdds, Rule::kWeightedMean}) {
+  for (const Rule rule : kRules) {
     ModelConfig config = plain_config(64, 64, 40);
     config.rule = rule;
     config.max_range_um = 60'000'000;
@@ -717,7 +721,7 @@ void run(Model& which, const Survey& data) {
 TEST(the_same_input_gives_the_same_map) {
   const Survey data = survey(1, 4000, 40, 40);
   const LocalizationTable table = plain_table(PlainBeam{});
-  for (const Rule rule : {Rule::kLogOdds, Rule::kWeightedMean}) {
+  for (const Rule rule : kRules) {
     ModelConfig config = plain_config(40, 40, 32);
     config.rule = rule;
     configure(model, config, table);
@@ -761,7 +765,7 @@ TEST(the_map_does_not_depend_on_where_pages_lie) {
 TEST(depth_comes_from_the_voxels_alone) {
   const Survey data = survey(3, 6000, 40, 40);
   const LocalizationTable table = plain_table(PlainBeam{});
-  for (const Rule rule : {Rule::kLogOdds, Rule::kWeightedMean}) {
+  for (const Rule rule : kRules) {
     ModelConfig config = plain_config(40, 40, 32);
     config.rule = rule;
     configure(model, config, table);
@@ -797,7 +801,7 @@ TEST(depth_comes_from_the_voxels_alone) {
 TEST(a_survey_reads_its_bottom) {
   const Survey data = survey(5, 12'000, 40, 40);
   const LocalizationTable table = plain_table(PlainBeam{});
-  for (const Rule rule : {Rule::kLogOdds, Rule::kWeightedMean}) {
+  for (const Rule rule : kRules) {
     ModelConfig config = plain_config(40, 40, 32);
     config.rule = rule;
     configure(model, config, table);
@@ -826,6 +830,66 @@ TEST(a_survey_reads_its_bottom) {
       assert_true(method != DepthMethod::kRobustMoment || (rmse < 0.25 && known == 1600));
     }
   }
+}
+
+TEST(sensors_have_their_own_tables_and_ranges) {
+  const LocalizationTable sharp = plain_table(PlainBeam{});
+  PlainBeam vague_beam;
+  vague_beam.half_angle_along_rad = 0.2;
+  vague_beam.half_angle_across_rad = 0.2;
+  vague_beam.sigma_range_um = 2'000'000;
+  const LocalizationTable vague = plain_table(vague_beam);
+  const ModelConfig config = plain_config(40, 40, 32);
+  const SensorConfig sensors[] = {
+      {&sharp, sizeof(sharp), 1'000'000, 50'000'000, 0},
+      {&vague, sizeof(vague), 5'000'000, 20'000'000, 0},
+  };
+  assert_int_equal(model.configure_sensors(config, sensors, 2), Status::kOk);
+  assert_int_equal(model.sensor_count(), 2);
+  assert_int_equal(model.table(1).crc32c, vague.crc32c);
+  assert_true(model.scale(1).footprint_cells > model.scale(0).footprint_cells);
+  // One unit of evidence, that of the sharper one; the bound is that of the vaguer.
+  assert_true(model.scale(0).min_variance_q12 == model.scale(1).min_variance_q12);
+  const std::uint32_t bound = model.bound().total_voxels;
+  assert_int_equal(other.configure_sensors(config, &sensors[1], 1), Status::kOk);
+  assert_int_equal(bound, other.bound().total_voxels);
+
+  const Pose pose = pose_at(20.5, 20.5, 2);
+  assert_int_equal(model.integrate(ping_along(0, 90, 3), pose, 0), PingResult::kFused);
+  assert_int_equal(model.integrate(ping_along(0, 90, 3), pose, 1), PingResult::kRangeTooShort);
+  assert_int_equal(model.integrate(ping_along(0, 90, 25), pose, 0), PingResult::kFused);
+  assert_int_equal(model.integrate(ping_along(0, 90, 25), pose, 1), PingResult::kRangeTooLong);
+  assert_int_equal(model.integrate(ping_along(0, 90, 15), pose, 2), PingResult::kNotConfigured);
+
+  // Alone in a model of two, the sharp sensor leaves what it leaves in a model of its own.
+  const Survey data = survey(8, 800, 40, 40);
+  assert_int_equal(model.configure_sensors(config, sensors, 2), Status::kOk);
+  assert_int_equal(other.configure_sensors(config, sensors, 1), Status::kOk);
+  run(model, data);
+  run(other, data);
+  assert_true(model.grid().map_hash() == other.grid().map_hash());
+  // The vague one says less, in more places.
+  assert_int_equal(model.configure_sensors(config, sensors, 2), Status::kOk);
+  assert_int_equal(model.integrate(ping_along(0, 90, 15), pose, 0), PingResult::kFused);
+  const Blob narrow = blob_of_hits(model);
+  assert_int_equal(model.configure_sensors(config, sensors, 2), Status::kOk);
+  assert_int_equal(model.integrate(ping_along(0, 90, 15), pose, 1), PingResult::kFused);
+  const Blob wide = blob_of_hits(model);
+  assert_true(wide.variance[0] > 2.0 * narrow.variance[0]);
+  assert_true(wide.variance[2] > 2.0 * narrow.variance[2]);
+
+  SensorConfig bad = sensors[0];
+  bad.table = nullptr;
+  assert_int_equal(model.configure_sensors(config, &bad, 1), Status::kInvalidArgument);
+  assert_int_equal(model.configure_sensors(config, sensors, 0), Status::kInvalidArgument);
+  assert_int_equal(model.configure_sensors(config, nullptr, 1), Status::kInvalidArgument);
+  const std::vector<SensorConfig> many(kMaxSensors + 1, sensors[0]);
+  assert_int_equal(model.configure_sensors(config, many.data(), many.size()),
+                   Status::kOverCapacity);
+  bad = sensors[0];
+  bad.max_range_um = bad.min_range_um;
+  assert_int_equal(model.configure_sensors(config, &bad, 1), Status::kOutOfRange);
+  assert_int_equal(model.integrate(ping_along(0, 90, 15), pose), PingResult::kNotConfigured);
 }
 
 TEST(work_stays_within_the_bound_and_is_counted) {
@@ -968,7 +1032,7 @@ TEST(random_pings_of_any_kind_break_nothing) {
     ModelConfig config = plain_config(static_cast<std::int32_t>(random.between(1, 70)),
                                       static_cast<std::int32_t>(random.between(1, 70)),
                                       static_cast<std::int32_t>(random.between(1, 60)));
-    config.rule = random.between(0, 1) == 1 ? Rule::kLogOdds : Rule::kWeightedMean;
+    config.rule = kRules[random.between(0, 3)];
     config.no_return = random.between(0, 1) == 1 ? NoReturnPolicy::kIgnore : NoReturnPolicy::kEmpty;
     config.cell_mm = static_cast<std::int32_t>(random.between(100, 20'000));
     config.max_range_um = 100LL * config.cell_mm * 1000;

@@ -1,0 +1,111 @@
+#include "firmware/linux/check_config.hpp"
+
+#include <array>
+#include <cstdio>
+#include <utility>
+
+#include "firmware/config/exit_codes.hpp"
+#include "firmware/linux/chunk_buffer.hpp"
+#include "firmware/linux/recorder.hpp"
+#include "hal/linux/linux_port.hpp"
+#include "model/grid.hpp"
+
+namespace leadline::host {
+namespace {
+
+/// A number with its name, in the order of the report.
+struct Figure {
+  const char* name;
+  std::uint64_t value;
+  const char* unit;
+};
+
+std::vector<Figure> memory_figures(const VehicleFile& file, const firmware::Vehicle& vehicle) {
+  const model::Grid& grid = vehicle.model().grid();
+  const std::uint64_t columns = grid.column_count();
+  const std::uint64_t voxels = columns * static_cast<std::uint64_t>(grid.depth_cells());
+  const std::uint64_t model_used = voxels * sizeof(model::Voxel) +
+                                   columns * sizeof(model::ColumnRecord) +
+                                   columns * sizeof(model::ColumnResult);
+  const std::uint64_t ports = file.port_uris.size() + 1;
+  const std::uint64_t input = firmware::kMaxCycleBytes + Recorder::kBatch_bytes;
+  return {
+      {"vehicle_static", sizeof(firmware::Vehicle), "bytes"},
+      {"model_static", sizeof(model::Model), "bytes, part of it"},
+      {"pipeline_static", sizeof(firmware::Vehicle) - sizeof(model::Model), "bytes, the rest"},
+      {"model_used", model_used, "bytes of the model, by this grid"},
+      {"voxels_used", voxels, "voxels, padding of tiles included"},
+      {"voxel_capacity", model::kVoxelCapacity, "voxels"},
+      {"columns_used", columns, "columns"},
+      {"column_capacity", model::kColumnCapacity, "columns"},
+      {"recorder", file.log.path.empty() ? 0 : sizeof(Recorder) + Recorder::kRing_bytes, "bytes"},
+      {"port_queues", ports * hal::LinuxPort::kQueue_bytes, "bytes"},
+      {"cycle_buffers", input, "bytes"},
+  };
+}
+
+std::vector<Figure> work_figures(const VehicleFile& file, const firmware::Vehicle& vehicle) {
+  const model::WorkBound& bound = vehicle.model().bound();
+  const std::uint64_t budget = file.config.cycle_voxel_budget;
+  return {
+      {"ping_voxels", bound.total_voxels, "voxels that one ping can write"},
+      {"ping_shell_voxels", bound.shell_voxels, "of them in the shell"},
+      {"ping_cone_voxels", bound.cone_voxels, "of them in the empty cone"},
+      {"cycle_voxels", budget == 0 ? 0 : std::max<std::uint64_t>(budget, bound.total_voxels),
+       "voxels that one cycle can write; 0 = as many pings as come"},
+      {"cycle_tiles", file.config.cycle_tile_budget, "tiles extracted in one cycle"},
+      {"cycle_input_bytes", firmware::kMaxCycleBytes, "bytes taken in one cycle"},
+      {"cycle_downlink_bytes", firmware::kDownlinkCapacity_bytes, "bytes of frames in one cycle"},
+  };
+}
+
+std::string text_of(const char* title, const std::vector<Figure>& figures) {
+  std::string text = std::string("\n# ") + title + "\n";
+  for (const Figure& figure : figures) {
+    std::array<char, 160> line{};
+    std::snprintf(line.data(), line.size(), "#   %-20s %12llu %s\n", figure.name,
+                  static_cast<unsigned long long>(figure.value), figure.unit);
+    text += line.data();
+  }
+  return text;
+}
+
+std::string json_of(const std::vector<Figure>& figures) {
+  std::string text = "{";
+  for (const Figure& figure : figures) {
+    text += text.size() == 1 ? "" : ", ";
+    text += "\"" + std::string(figure.name) + "\": " + std::to_string(figure.value);
+  }
+  return text + "}";
+}
+
+}  // namespace
+
+void configure_vehicle(const VehicleFile& file, const std::vector<model::LocalizationTable>& tables,
+                       firmware::Vehicle& vehicle, const std::string& config_name) {
+  std::vector<firmware::TableBlock> blocks;
+  for (const model::LocalizationTable& table : tables) {
+    blocks.push_back({&table, sizeof table});
+  }
+  const base::Status status = vehicle.configure(file.config, blocks.data(), blocks.size());
+  if (status == base::Status::kOverBudget) {
+    refuse_work_bound(vehicle.model().bound(), file.ping_voxel_budget, config_name);
+  }
+  if (status != base::Status::kOk) {
+    throw HostError(ExitCode::kUsage, config_name + ": the vehicle refuses this configuration: " +
+                                          base::status_text(status));
+  }
+}
+
+std::string check_report_text(const VehicleFile& file, const firmware::Vehicle& vehicle) {
+  return vehicle_file_to_toml(file) + text_of("memory", memory_figures(file, vehicle)) +
+         text_of("work", work_figures(file, vehicle));
+}
+
+std::string check_report_json(const VehicleFile& file, const firmware::Vehicle& vehicle) {
+  return "{\"config\": " + vehicle_file_to_json(file) +
+         ", \"memory\": " + json_of(memory_figures(file, vehicle)) +
+         ", \"work\": " + json_of(work_figures(file, vehicle)) + "}\n";
+}
+
+}  // namespace leadline::host

@@ -1,0 +1,236 @@
+// `leadline-vehicle`: command line, signals, and the order of things; the work is in vehicle_loop.hpp.
+#include <array>
+#include <csignal>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "firmware/config/program.hpp"
+#include "firmware/config/text.hpp"
+#include "firmware/config/vehicle_file.hpp"
+#include "firmware/linux/check_config.hpp"
+#include "firmware/linux/monotonic.hpp"
+#include "firmware/linux/recorder.hpp"
+#include "firmware/linux/vehicle_loop.hpp"
+
+namespace {
+
+using leadline::host::ExitCode;
+using leadline::host::HostError;
+using leadline::host::LoopSummary;
+using leadline::host::Recorder;
+using leadline::host::VehicleFile;
+
+constexpr const char* kProgram = "leadline-vehicle";
+constexpr const char* kLockstep = "lockstep:";
+
+// As on every target: one large static object, no heap.
+leadline::firmware::Vehicle the_vehicle;
+
+/// Orders to stop so far: one stops in order, a second one cuts the draining short.
+volatile std::sig_atomic_t stop_orders = 0;
+void order_stop(int /*signal*/) { stop_orders = stop_orders + 1; }
+
+struct Options {
+  std::string config_path;
+  std::string clock;
+  std::string log_path;
+  std::string link;
+  std::vector<std::string> ports;
+  double drain_s = 5;
+  bool check_config = false;
+  bool help_config = false;
+  bool json = false;
+};
+
+void add_options(CLI::App* app, Options* options) {
+  app->add_option("--config", options->config_path, "vehicle.toml; --help-config shows every key");
+  app->add_flag("--help-config", options->help_config, "print a commented vehicle.toml and stop");
+  app->add_flag("--check-config", options->check_config,
+                "print the resolved configuration, its memory and its work bound, and stop");
+  app->add_flag("--json", options->json, "print --check-config and the summary as one JSON object");
+  app->add_option("--log", options->log_path,
+                  "log file, instead of [log] path; \"\" records nothing");
+  app->add_option("--port", options->ports, "N=URI: another device for port N (may be repeated)")
+      ->type_name("N=URI");
+  app->add_option("--link", options->link, "URI of the link, instead of [link] uri")
+      ->type_name("URI");
+  app->add_option("--clock", options->clock,
+                  "lockstep:PATH: time from an emulator that listens at PATH, instead of the clock")
+      ->type_name("lockstep:PATH");
+  app->add_option("--drain-s", options->drain_s,
+                  "after SIGINT or SIGTERM: seconds that queued changes may take to leave")
+      ->check(CLI::Range(0.0, 86400.0))
+      ->capture_default_str();
+  app->footer(
+      "Flies until SIGINT or SIGTERM, then sends what is queued, ends the log, and prints a "
+      "summary; a\n"
+      "second signal cuts the sending short. URIs: serial:PATH:BAUD, udp:HOST:PORT, "
+      "tcp:HOST:PORT,\n"
+      "file:PATH; udp:@:PORT and tcp:@:PORT listen.\n"
+      "Exit status: 0 done, 2 usage or configuration, 3 input (a table, the emulator), 4 output "
+      "(the\n"
+      "log cannot be created, or lost records), 1 internal error.");
+}
+
+leadline::hal::UriSpec uri_of(const std::string& option, const std::string& text) {
+  leadline::hal::UriResult result = leadline::hal::parse_uri(text);
+  if (!result.ok()) {
+    throw HostError(ExitCode::kUsage, option + ": " + leadline::host::printable(result.error, 400));
+  }
+  return result.spec;
+}
+
+void override_port(const std::string& text, VehicleFile* file) {
+  const std::size_t equals = text.find('=');
+  const std::string number = text.substr(0, equals);
+  const bool digit = number.size() == 1 && number[0] >= '0' && number[0] <= '9';
+  const std::size_t index = digit ? static_cast<std::size_t>(number[0] - '0') : SIZE_MAX;
+  if (equals == std::string::npos || index >= file->port_uris.size()) {
+    throw HostError(ExitCode::kUsage, "--port " + leadline::host::printable(text) +
+                                          ": has to be N=URI, N from 0 to " +
+                                          std::to_string(file->port_uris.size() - 1));
+  }
+  file->port_uris[index] = uri_of("--port " + number, text.substr(equals + 1));
+}
+
+/// The configuration, with what the command line says otherwise.
+VehicleFile resolve(const Options& options, bool log_given) {
+  if (options.config_path.empty()) {
+    throw HostError(ExitCode::kUsage,
+                    "--config is required (--help-config prints one to begin with)");
+  }
+  VehicleFile file = leadline::host::load_vehicle_file(options.config_path);
+  for (const std::string& port : options.ports) {
+    override_port(port, &file);
+  }
+  if (!options.link.empty()) {
+    file.link_uri = uri_of("--link", options.link);
+  }
+  if (log_given) {
+    file.log.path = options.log_path;
+  }
+  return file;
+}
+
+std::string lockstep_path(const std::string& clock) {
+  if (clock.empty()) {
+    return "";
+  }
+  if (clock.rfind(kLockstep, 0) != 0 || clock == kLockstep) {
+    throw HostError(ExitCode::kUsage,
+                    "--clock " + leadline::host::printable(clock) + ": has to be lockstep:PATH");
+  }
+  return clock.substr(std::string(kLockstep).size());
+}
+
+std::string hex(std::uint64_t value) {
+  std::array<char, 24> text{};
+  std::snprintf(text.data(), text.size(), "0x%016llx", static_cast<unsigned long long>(value));
+  return text.data();
+}
+
+/// Everything that a script wants to know of a run, as `name: value` lines or one JSON object.
+void print_summary(const LoopSummary& summary, const Recorder* recorder, bool json) {
+  const leadline::firmware::VehicleCounters& counters = the_vehicle.counters();
+  const leadline::host::RecorderReport recorded =
+      recorder != nullptr ? recorder->report() : leadline::host::RecorderReport{};
+  const auto number = [](std::uint64_t value) { return std::to_string(value); };
+  const auto text = [&](const std::string& value) {
+    return json ? leadline::host::json_string(value) : value;
+  };
+  const std::vector<std::pair<const char*, std::string>> rows = {
+      {"cycles", number(summary.cycles)},
+      {"cycle_max_us", number(static_cast<std::uint64_t>(summary.cycle_max_us))},
+      {"overruns", number(summary.overruns)},
+      {"pings_in", number(counters.pings_in)},
+      {"pings_mapped", number(counters.pings_mapped)},
+      {"nav_samples", number(counters.nav_samples)},
+      {"cells_sent", number(counters.cells_sent)},
+      {"downlink_bytes", number(counters.downlink_bytes)},
+      {"delta_bytes", number(counters.delta_bytes)},
+      {"drained", summary.drained ? "true" : "false"},
+      {"map_hash", text(hex(the_vehicle.map_hash()))},
+      {"cells_hash", text(hex(the_vehicle.cells_hash()))},
+      {"log", recorder != nullptr ? text(recorder->path()) : (json ? "null" : "none")},
+      {"log_bytes", number(recorded.bytes_written)},
+      {"records_lost", number(recorded.records_lost)},
+  };
+  std::string out = json ? "{" : "";
+  for (const auto& [name, value] : rows) {
+    if (json) {
+      out += (out.size() == 1 ? "\"" : ", \"") + std::string(name) + "\": " + value;
+    } else {
+      out += std::string(name) + ": " + value + "\n";
+    }
+  }
+  std::cout << out << (json ? "}\n" : "");
+}
+
+int fly(VehicleFile& file, const Options& options) {
+  leadline::host::LoopOptions loop_options;
+  loop_options.lockstep_path = lockstep_path(options.clock);
+  loop_options.drain_us = static_cast<std::int64_t>(options.drain_s * 1e6);
+  // Another number for every start; under the virtual clock every run is the same run.
+  file.config.session = loop_options.lockstep_path.empty()
+                            ? static_cast<std::uint32_t>(leadline::host::utc_us() / 1'000'000)
+                            : 1;
+  const auto tables = leadline::host::load_tables(file);
+  leadline::host::configure_vehicle(file, tables, the_vehicle, options.config_path);
+  std::unique_ptr<Recorder> recorder;
+  if (!file.log.path.empty()) {
+    recorder = std::make_unique<Recorder>(file.log.path, file.log.max_bytes);
+  }
+  leadline::host::VehicleLoop loop(file, tables, the_vehicle, recorder.get(), loop_options);
+  const LoopSummary summary = loop.run(stop_orders);
+  const bool recorded = recorder == nullptr || recorder->finish();
+  print_summary(summary, recorder.get(), options.json);
+  return static_cast<int>(recorded ? ExitCode::kOk : ExitCode::kOutput);
+}
+
+int run(const Options& options, bool log_given) {
+  if (options.help_config) {
+    std::cout << leadline::host::vehicle_example();
+    return 0;
+  }
+  VehicleFile file = resolve(options, log_given);
+  if (!options.check_config) {
+    return fly(file, options);
+  }
+  (void)lockstep_path(options.clock);
+  const auto tables = leadline::host::load_tables(file);
+  leadline::host::configure_vehicle(file, tables, the_vehicle, options.config_path);
+  std::cout << (options.json ? leadline::host::check_report_json(file, the_vehicle)
+                             : leadline::host::check_report_text(file, the_vehicle));
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  leadline::host::ignore_write_signals();
+  std::signal(SIGINT, order_stop);
+  std::signal(SIGTERM, order_stop);
+
+  CLI::App app("Maps while it dives: sonar and navigation in, depth-map deltas out.", kProgram);
+  app.set_version_flag("--version", std::string(kProgram) + " " + LEADLINE_VERSION);
+  Options options;
+  add_options(&app, &options);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {
+      return leadline::host::checked_output(kProgram, app.exit(error));  // --help, --version
+    }
+    leadline::host::print_error(kProgram, error.what());
+    std::cerr << "Run `leadline-vehicle --help`.\n";
+    return static_cast<int>(ExitCode::kUsage);
+  }
+  const bool log_given = app.count("--log") > 0;
+  return leadline::host::checked_output(
+      kProgram, leadline::host::run_guarded(kProgram, [&] { return run(options, log_given); }));
+}
