@@ -43,6 +43,7 @@ class Flight {
 
   FlightSummary fly(const std::vector<std::vector<std::uint8_t>>& tables) {
     begin_log(tables);
+    cycle();
     const base::TimeUs end_us = fleet_->t_end_us();
     base::TimeUs cycle_due_us = cycle_us_;
     while (now_us_ < end_us) {
@@ -77,8 +78,7 @@ class Flight {
     for (const std::vector<std::uint8_t>& table : tables) {
       blocks.push_back({table.data(), table.size()});
     }
-    must(firmware::log_begin(writer_, vehicle_->config(), blocks.data(), blocks.size(), cycle_us_,
-                             0));
+    must(firmware::log_begin(writer_, vehicle_->config(), blocks.data(), blocks.size(), 0, 0));
     flush();
   }
 
@@ -105,9 +105,8 @@ class Flight {
       chunks.push_back({heard.t_us, heard.bytes.data(),
                         static_cast<std::uint16_t>(heard.bytes.size()), heard.port});
     }
-    const firmware::CycleInput input{
-        now_us_, chunks.data(), chunks.size(),
-        static_cast<std::uint32_t>(firmware::kDownlinkCapacity_bytes)};
+    const firmware::CycleInput input{now_us_, chunks.data(), chunks.size(),
+                                     static_cast<std::uint32_t>(firmware::kDownlinkCapacity_bytes)};
     firmware::CycleOutput output{};
     vehicle_->cycle(input, output);
     must(firmware::log_cycle(writer_, static_cast<std::uint32_t>(summary_.cycles), input, output));

@@ -214,14 +214,6 @@ void Receiver::take_status(const proto::FrameView& frame) {
     return;
   }
   counters_.statuses += 1;
-  const std::uint32_t before = status_ ? status_->alarms : 0U;
-  const std::uint32_t now = status.value().alarms;
-  if ((now & ~before) != 0) {
-    notice(proto::Severity::kWarning, "alarm: " + alarm_text(now & ~before));
-  }
-  if ((before & ~now) != 0) {
-    notice(proto::Severity::kInfo, "alarm over: " + alarm_text(before & ~now));
-  }
   status_ = status.value();
 }
 
