@@ -1,64 +1,63 @@
-#include <algorithm>
 #include <memory>
 #include <string>
 
 #include <CLI/CLI.hpp>
 
 #include "host_tools/commands.hpp"
+#include "host_tools/emulate/simulate_flight.hpp"
 #include "host_tools/sim/scenario.hpp"
 
 namespace leadline::host {
 namespace {
 
-std::string padded(std::string text, std::size_t width) {
-  text.resize(std::max(text.size(), width), ' ');
-  return text;
-}
+struct SimulateArguments {
+  FlightOptions flight;
+  std::string preset;  ///< not empty: the scene writer, as before 0.2
+};
 
-/// The help's lists come from the tables that the command itself goes by.
-std::string footer() {
-  std::string text =
-      "DIR receives pings.csv and map.toml for `leadline map`, truth.asc and touched.asc for\n"
-      "`leadline compare`. The same options give the same bytes everywhere.\n\nPresets:\n";
-  for (const PresetInfo& preset : simulate_presets()) {
-    text += "  " + padded(preset.name, 24) + preset.summary + "\n";
+int run(const SimulateArguments& arguments) {
+  if (arguments.preset.empty()) {
+    return run_simulated_flight(arguments.flight);
   }
-  text += "\nSettings (--set KEY=VALUE):\n";
-  for (const SettingInfo& setting : simulate_settings()) {
-    text += "  " + padded(setting.key, 24) + setting.help + "\n";
-  }
-  text +=
-      "\nExamples:\n"
-      "  leadline simulate --out survey\n"
-      "  leadline simulate --preset plane_slope30 --seed 7 --out plane\n"
-      "  leadline simulate --terrain dem.tif --set line_spacing_m=6 --set sigma_range_m=0.1 --out "
-      "s";
-  return text;
+  const MissionOptions& mission = arguments.flight.mission;
+  SimulateOptions scene;
+  scene.preset = arguments.preset;
+  scene.terrain = mission.terrain;
+  scene.seed = mission.seed;
+  scene.settings = mission.settings;
+  scene.out_dir = arguments.flight.out_dir;
+  scene.json = arguments.flight.json;
+  return run_simulate(scene);
 }
 
 }  // namespace
 
-void add_simulate_command(CLI::App* app, CommandRun* run) {
-  const auto options = std::make_shared<SimulateOptions>();
+void add_simulate_command(CLI::App* app, CommandRun* run_later) {
+  const auto arguments = std::make_shared<SimulateArguments>();
   CLI::App* const command = app->add_subcommand(
-      "simulate", "Fly a survey over a terrain: pings with errors, and the truth");
-  command->add_option("--preset", options->preset, "Survey to start from")
-      ->type_name("NAME")
-      ->capture_default_str();
+      "simulate", "Fly an emulated vehicle without waiting: devices, pipeline, log, truth");
+  add_mission_options(command, &arguments->flight.mission);
   command
-      ->add_option("--terrain", options->terrain,
-                   "procedural, plane, or a raster that GDAL reads (default: the preset's)")
-      ->type_name("FILE");
-  command->add_option("--seed", options->seed, "Seed of every random choice")->type_name("N");
-  command->add_option("--set", options->settings, "KEY=VALUE, may be repeated")
-      ->type_name("KEY=VALUE")
-      ->allow_extra_args(false);
-  command->add_option("--out", options->out_dir, "Folder for the results, created when needed")
+      ->add_option("--out", arguments->flight.out_dir,
+                   "Folder for the results, created when needed")
       ->type_name("DIR")
       ->required();
-  command->add_flag("--json", options->json, "Print the summary as one JSON object");
-  command->footer(footer());
-  command->callback([options, run] { *run = [options] { return run_simulate(*options); }; });
+  command
+      ->add_option("--preset", arguments->preset,
+                   "No flight but a scene: the same as `leadline scene --preset NAME`")
+      ->type_name("NAME");
+  command->add_flag("--json", arguments->flight.json, "Print the summary as one JSON object");
+  command->footer(
+      "DIR receives survey.lll (the log) with the vehicle.toml and beam.llt that it flew with, "
+      "truth.asc\n"
+      "and touched.asc for `leadline compare`, and pings.csv and map.toml for `leadline map` and\n"
+      "`grid`. The same options give the same bytes everywhere.\n\n" +
+      mission_settings_help() +
+      "\nExamples:\n"
+      "  leadline simulate --out survey && leadline replay survey/survey.lll --out map\n"
+      "  leadline simulate --terrain dem.tif --set line_spacing_m=6 --set lost_byte=0.001 --out s");
+  command->callback(
+      [arguments, run_later] { *run_later = [arguments] { return run(*arguments); }; });
 }
 
 }  // namespace leadline::host

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 
 namespace CLI {
 class App;
@@ -13,6 +14,12 @@ namespace leadline::host {
 /// What the chosen subcommand will do: returns the exit status, may throw HostError.
 using CommandRun = std::function<int()>;
 
+struct MissionOptions;
+
+/// Options that `emulate` and `simulate` share, and the list of settings for their help.
+void add_mission_options(CLI::App* command, MissionOptions* mission);
+[[nodiscard]] std::string mission_settings_help();
+
 /// Each adds one subcommand to `app`; when it is the one that was given, parsing sets `*run`. `run`
 /// must outlive the parsing.
 void add_map_command(CLI::App* app, CommandRun* run);
@@ -22,5 +29,10 @@ void add_compare_command(CLI::App* app, CommandRun* run);
 void add_table_command(CLI::App* app, CommandRun* run);
 void add_render_command(CLI::App* app, CommandRun* run);
 void add_simulate_command(CLI::App* app, CommandRun* run);
+void add_scene_command(CLI::App* app, CommandRun* run);
+void add_emulate_command(CLI::App* app, CommandRun* run);
+void add_receive_command(CLI::App* app, CommandRun* run);
+void add_replay_command(CLI::App* app, CommandRun* run);
+void add_export_command(CLI::App* app, CommandRun* run);
 
 }  // namespace leadline::host

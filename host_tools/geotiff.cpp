@@ -21,6 +21,7 @@ namespace leadline::host {
 namespace {
 
 constexpr const char* kElevationDescription = "elevation";
+constexpr const char* kDepthDescription = "depth";
 constexpr const char* kSigmaDescription = "sigma";
 
 struct CloseDataset {
@@ -202,8 +203,48 @@ Raster read_band(const Dataset& dataset, int number, const Raster& geometry,
 
 }  // namespace
 
+struct GeographicFrame::Impl {
+  Placement placement;
+  CoordinateSystem geographic = make_system();
+  Transform transform;
+};
+
+GeographicFrame::GeographicFrame(const GeoReference& reference) : impl_(std::make_unique<Impl>()) {
+  register_drivers();
+  const QuietGdal quiet;
+  impl_->placement = place(reference);
+  if (!impl_->placement.system) {
+    throw HostError(ExitCode::kUsage, "[frame]: lat and lon, or epsg, are needed for degrees");
+  }
+  if (OSRSetWellKnownGeogCS(impl_->geographic.get(), "WGS84") == OGRERR_NONE) {
+    OSRSetAxisMappingStrategy(impl_->geographic.get(), OAMS_TRADITIONAL_GIS_ORDER);
+    impl_->transform.reset(
+        OCTNewCoordinateTransformation(impl_->placement.system.get(), impl_->geographic.get()));
+  }
+  if (!impl_->transform) {
+    throw HostError(ExitCode::kUsage,
+                    "[frame]: cannot be turned into degrees" + QuietGdal::reason());
+  }
+}
+
+GeographicFrame::~GeographicFrame() = default;
+
+GeographicPoint GeographicFrame::at(double east_m, double north_m) const {
+  const QuietGdal quiet;
+  double x = east_m + impl_->placement.east_m;
+  double y = north_m + impl_->placement.north_m;
+  if (OCTTransform(impl_->transform.get(), 1, &x, &y, nullptr) == 0 || !std::isfinite(x) ||
+      !std::isfinite(y)) {
+    throw HostError(ExitCode::kUsage, "[frame]: a point of the map has no longitude and latitude" +
+                                          QuietGdal::reason());
+  }
+  return {x, y};
+}
+
+const std::string& GeographicFrame::description() const { return impl_->placement.description; }
+
 void write_geotiff(const std::string& path, const Raster& elevation, const Raster* sigma,
-                   const GeoReference& reference) {
+                   const GeoReference& reference, VerticalSign sign) {
   if (sigma != nullptr && !same_geometry(elevation, *sigma)) {
     throw HostError(ExitCode::kInput, path + ": elevation has " + describe_geometry(elevation) +
                                           ", sigma has " + describe_geometry(*sigma));
@@ -236,14 +277,18 @@ void write_geotiff(const std::string& path, const Raster& elevation, const Raste
   GDALSetMetadataItem(dataset.get(), "AREA_OR_POINT", "Area", nullptr);
   GDALSetMetadataItem(dataset.get(), "TIFFTAG_SOFTWARE", "leadline", nullptr);
   GDALSetMetadataItem(dataset.get(), "LEADLINE_FRAME", placement.description.c_str(), nullptr);
-  GDALSetMetadataItem(dataset.get(), "LEADLINE_SIGN", "elevation positive up, equal to minus depth",
+  const bool depth = sign == VerticalSign::kDepth;
+  GDALSetMetadataItem(dataset.get(), "LEADLINE_SIGN",
+                      depth ? "depth positive down, equal to minus elevation"
+                            : "elevation positive up, equal to minus depth",
                       nullptr);
   GDALSetMetadataItem(dataset.get(), "LEADLINE_VERTICAL_DATUM",
                       reference.vertical_datum.value_or("not stated").c_str(), nullptr);
   GDALSetMetadataItem(dataset.get(), "LEADLINE_SIGMA",
                       sigma != nullptr ? "band 2, one standard deviation, metres" : "none",
                       nullptr);
-  write_band(dataset, 1, elevation, kElevationDescription, path);
+  write_band(dataset, 1, depth ? negated(elevation) : elevation,
+             depth ? kDepthDescription : kElevationDescription, path);
   if (sigma != nullptr) {
     write_band(dataset, 2, *sigma, kSigmaDescription, path);
   }
@@ -258,10 +303,10 @@ void write_geotiff(const std::string& path, const Raster& elevation, const Raste
 }
 
 void write_geotiff_whole(const std::string& path, const Raster& elevation, const Raster* sigma,
-                         const GeoReference& reference) {
+                         const GeoReference& reference, VerticalSign sign) {
   const std::string temporary = path + ".partial-" + std::to_string(getpid()) + ".tif";
   try {
-    write_geotiff(temporary, elevation, sigma, reference);
+    write_geotiff(temporary, elevation, sigma, reference, sign);
   } catch (...) {
     std::remove(temporary.c_str());
     throw;

@@ -6,6 +6,8 @@
 // resampled, ever.
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -27,6 +29,40 @@ struct GeoReference {
   std::optional<std::string> vertical_datum;
 };
 
+/// Which way a written height counts. Rasters in memory are elevations, always.
+enum class VerticalSign : std::uint8_t {
+  kElevation,  ///< positive up
+  kDepth,      ///< positive down: minus elevation
+};
+
+/// A point of the local frame on Earth, degrees on WGS 84.
+struct GeographicPoint {
+  double longitude_deg;
+  double latitude_deg;
+};
+
+/// Turns local coordinates into longitude and latitude. Errors as write_geotiff().
+class GeographicFrame {
+ public:
+  /// The reference must name a place: has_place().
+  explicit GeographicFrame(const GeoReference& reference);
+  ~GeographicFrame();
+  GeographicFrame(const GeographicFrame&) = delete;
+  GeographicFrame& operator=(const GeographicFrame&) = delete;
+
+  [[nodiscard]] static bool has_place(const GeoReference& reference) {
+    return reference.epsg.has_value() ||
+           (reference.lat_deg.has_value() && reference.lon_deg.has_value());
+  }
+  [[nodiscard]] GeographicPoint at(double east_m, double north_m) const;
+  /// Where the local frame lies, in words.
+  [[nodiscard]] const std::string& description() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
 /// What a GeoTIFF (or another raster that GDAL reads) holds.
 struct GeoTiffContent {
   Raster elevation;               ///< band 1, metres up (unit and scale of the band applied)
@@ -37,7 +73,7 @@ struct GeoTiffContent {
   std::string vertical_datum;     ///< "" = not stated
 };
 
-/// Writes band 1 `elevation` (float32, metres up = minus depth) and, unless null, band 2 `sigma` (same
+/// Writes band 1 `elevation` (float32; metres up, or down with `sign` kDepth) and, unless null, band 2 `sigma` (same
 /// geometry, one standard deviation, metres), nodata -9999, deflate compression. Band descriptions
 /// and metadata name quantity, sign, unit, frame and vertical datum; pixels are areas. The same input
 /// gives the same bytes with one version of GDAL.
@@ -46,11 +82,12 @@ struct GeoTiffContent {
 /// Errors (HostError): kUsage for an EPSG code that PROJ does not know or that is not projected in
 /// metres, kOutput for anything that cannot be written, kInput when the geometries differ.
 void write_geotiff(const std::string& path, const Raster& elevation, const Raster* sigma,
-                   const GeoReference& reference);
+                   const GeoReference& reference, VerticalSign sign = VerticalSign::kElevation);
 
 /// The same beside `path`, renamed when complete.
 void write_geotiff_whole(const std::string& path, const Raster& elevation, const Raster* sigma,
-                         const GeoReference& reference);
+                         const GeoReference& reference,
+                         VerticalSign sign = VerticalSign::kElevation);
 
 /// Reads a raster through GDAL. North-up rasters with square cells (to one part in 1000) only. Errors:
 /// HostError kInput naming the file.

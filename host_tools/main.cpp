@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
   app.footer(
       "A first map, from nothing:\n"
       "  leadline simulate --out survey\n"
-      "  leadline map --pings survey/pings.csv --config survey/map.toml --out map\n"
+      "  leadline replay survey/survey.lll --out map\n"
       "  leadline compare map/depth.asc survey/truth.asc --sigma map/sigma.asc\n"
       "  leadline render map --out pictures\n\n"
       "`leadline COMMAND --help` explains a command with examples.\n"
@@ -66,6 +66,11 @@ int main(int argc, char** argv) {
   leadline::host::add_table_command(&app, &run);
   leadline::host::add_render_command(&app, &run);
   leadline::host::add_simulate_command(&app, &run);
+  leadline::host::add_scene_command(&app, &run);
+  leadline::host::add_emulate_command(&app, &run);
+  leadline::host::add_receive_command(&app, &run);
+  leadline::host::add_replay_command(&app, &run);
+  leadline::host::add_export_command(&app, &run);
 
   try {
     app.parse(argc, argv);

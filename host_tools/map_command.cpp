@@ -1,18 +1,15 @@
 #include "host_tools/map_command.hpp"
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <iostream>
 #include <vector>
 
 #include "host_tools/exit_codes.hpp"
-#include "host_tools/geotiff.hpp"
+#include "host_tools/map_output.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/progress.hpp"
-#include "host_tools/render/render.hpp"
 #include "host_tools/text.hpp"
 
 namespace leadline::host {
@@ -39,12 +36,6 @@ std::string decimals(double value, int digits) {
   std::array<char, 64> text{};
   std::snprintf(text.data(), text.size(), "%.*f", digits, value);
   return text.data();
-}
-
-/// Digits after the point that keep a tenth of the depth's own step (1/256 cell) in metres.
-int raster_decimals(std::int32_t cell_mm) {
-  const double step_m = cell_mm * 1e-3 / 2560.0;
-  return std::clamp(static_cast<int>(std::ceil(-std::log10(step_m))), 3, 9);
 }
 
 /// Reads, sorts out and integrates every row.
@@ -147,14 +138,10 @@ int run_map(const MapOptions& options) {
   stats.extract_seconds = cpu_seconds() - begin_s;
   stats.counters = map.counters();
 
-  const int digits = raster_decimals(config.grid.cell_mm);
   output.write("model.llm", map.save());
-  output.write("depth.asc", format_esri_ascii(map.elevation(), digits));
-  output.write("sigma.asc", format_esri_ascii(map.sigma(), digits));
-  const GeoReference reference{config.frame.lat_deg, config.frame.lon_deg, config.frame.epsg,
-                               config.frame.vertical_datum};
-  write_geotiff(output.stage("depth.tif"), map.elevation(), &map.sigma(), reference);
-  output.write("depth.png", render::depth_png(map.elevation(), render::PictureOptions{}));
+  stage_map(
+      &output, map.elevation(), map.sigma(),
+      {config.frame.lat_deg, config.frame.lon_deg, config.frame.epsg, config.frame.vertical_datum});
   const std::string json = format_stats_json(stats);
   output.write("stats.json", json);
   output.commit();

@@ -189,6 +189,14 @@ Raster make_raster(int columns, int rows, double west_m, double south_m, double 
   return raster;
 }
 
+Raster negated(const Raster& raster) {
+  Raster result = raster;
+  for (double& value : result.values) {
+    value = -value;
+  }
+  return result;
+}
+
 bool same_geometry(const Raster& a, const Raster& b) {
   const double tolerance_m = 1e-3 * std::min(a.cell_m, b.cell_m);
   // The far edges as well: a small difference of the cell adds up over the raster.
@@ -305,6 +313,11 @@ std::string format_esri_ascii(const Raster& raster, int decimals) {
     text += '\n';
   }
   return text;
+}
+
+int raster_decimals(double cell_m) {
+  const double step_m = cell_m / 2560.0;
+  return std::clamp(static_cast<int>(std::ceil(-std::log10(step_m))), 3, 9);
 }
 
 void write_esri_ascii(const Raster& raster, const std::string& path, int decimals) {

@@ -60,6 +60,9 @@ struct Raster {
 [[nodiscard]] Raster make_raster(int columns, int rows, double west_m, double south_m,
                                  double cell_m, double fill = kNoValue);
 
+/// Every value with the other sign: elevation and depth turn into each other.
+[[nodiscard]] Raster negated(const Raster& raster);
+
 /// True when both cover the same cells: equal counts, edges and cell within a thousandth of a cell.
 [[nodiscard]] bool same_geometry(const Raster& a, const Raster& b);
 
@@ -85,6 +88,9 @@ struct Raster {
 /// cellsize, NODATA_value -9999), then one line per row, north first, `decimals` digits after the
 /// point (0..9). A value that would round to the nodata value itself is moved up by one last digit.
 [[nodiscard]] std::string format_esri_ascii(const Raster& raster, int decimals = 4);
+
+/// Digits after the point that keep a tenth of a depth's own step (1/256 cell) in metres.
+[[nodiscard]] int raster_decimals(double cell_m);
 
 /// Writes the file whole or not at all (write_file_whole). Errors: HostError kOutput.
 void write_esri_ascii(const Raster& raster, const std::string& path, int decimals = 4);

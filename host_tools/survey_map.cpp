@@ -71,65 +71,79 @@ const char* SurveyMap::integrate(const PingRow& row) {
 
 void SurveyMap::extract() {
   the_model.extract();
-  const GridConfig& grid = impl_->config.grid;
-  impl_->elevation =
-      make_raster(grid.size[1], grid.size[0], static_cast<double>(grid.origin_mm[1]) / 1000.0,
-                  static_cast<double>(grid.origin_mm[0]) / 1000.0, grid.cell_mm / 1000.0);
-  impl_->sigma = impl_->elevation;
-  for (std::int32_t n = 0; n < grid.size[0]; ++n) {
-    const int row = grid.size[0] - 1 - n;
-    for (std::int32_t e = 0; e < grid.size[1]; ++e) {
-      const model::ColumnResult& column = the_model.result(n, e);
-      if (column.depth_q8 == model::kUnknownDepth) {
-        continue;
-      }
-      // Exact in double: below 2^53 in units of 1/256 mm. One division, so one rounding.
-      const double depth_256th_mm = static_cast<double>(grid.origin_mm[2]) * 256.0 +
-                                    static_cast<double>(column.depth_q8) * grid.cell_mm;
-      impl_->elevation.at(row, e) = -depth_256th_mm / 256'000.0;
-      impl_->sigma.at(row, e) = static_cast<double>(column.sigma_q12) * grid.cell_mm / 4'096'000.0;
-    }
-  }
+  const ModelRasters rasters = model_rasters(the_model);
+  impl_->elevation = rasters.elevation;
+  impl_->sigma = rasters.sigma;
 }
 
 const Raster& SurveyMap::elevation() const { return impl_->elevation; }
 const Raster& SurveyMap::sigma() const { return impl_->sigma; }
 
-SurveyMapCounters SurveyMap::counters() const {
-  const model::ModelCounters& model_counters = the_model.counters();
+SurveyMapCounters SurveyMap::counters() const { return model_counters(the_model); }
+
+std::string SurveyMap::save() const { return save_model(the_model, impl_->config); }
+
+ModelRasters model_rasters(const model::Model& model) {
+  const model::ModelConfig& config = model.config();
+  ModelRasters rasters;
+  rasters.elevation =
+      make_raster(config.size[1], config.size[0], static_cast<double>(config.origin_mm[1]) / 1000.0,
+                  static_cast<double>(config.origin_mm[0]) / 1000.0, config.cell_mm / 1000.0);
+  rasters.sigma = rasters.elevation;
+  for (std::int32_t n = 0; n < config.size[0]; ++n) {
+    const int row = config.size[0] - 1 - n;
+    for (std::int32_t e = 0; e < config.size[1]; ++e) {
+      const model::ColumnResult& column = model.result(n, e);
+      if (column.depth_q8 == model::kUnknownDepth) {
+        continue;
+      }
+      // Exact in double: below 2^53 in units of 1/256 mm. One division, so one rounding.
+      const double depth_256th_mm = static_cast<double>(config.origin_mm[2]) * 256.0 +
+                                    static_cast<double>(column.depth_q8) * config.cell_mm;
+      rasters.elevation.at(row, e) = -depth_256th_mm / 256'000.0;
+      rasters.sigma.at(row, e) =
+          static_cast<double>(column.sigma_q12) * config.cell_mm / 4'096'000.0;
+    }
+  }
+  return rasters;
+}
+
+SurveyMapCounters model_counters(const model::Model& model) {
+  const model::ModelCounters& from = model.counters();
   SurveyMapCounters counters;
-  counters.voxel_updates = model_counters.voxel_updates;
-  counters.max_voxels_per_ping = model_counters.max_voxels_per_ping;
-  counters.work_bound = the_model.bound().total_voxels;
+  counters.voxel_updates = from.voxel_updates;
+  counters.max_voxels_per_ping = from.max_voxels_per_ping;
+  counters.work_bound = model.bound().total_voxels;
   counters.bytes_per_voxel = sizeof(model::Voxel);
-  counters.table_crc = the_model.table().crc32c;
-  counters.map_hash = the_model.grid().map_hash();
-  const model::Grid& grid = the_model.grid();
+  counters.table_crc = model.table().crc32c;
+  counters.map_hash = model.grid().map_hash();
+  const model::Grid& grid = model.grid();
   std::uint64_t known = 0;
+  std::uint64_t all = 0;
   double bits = 0;
   for (std::int32_t n = 0; n < grid.north_cells(); ++n) {
     for (std::int32_t e = 0; e < grid.east_cells(); ++e) {
       const model::Voxel* const voxels = grid.column_voxels(grid.column_index(n, e));
       for (std::int32_t k = 0; k < grid.depth_cells(); ++k) {
         const bool unknown = voxels[k].hit == 0 && voxels[k].miss == 0;
+        all += 1;
         known += unknown ? 0 : 1;
         bits += unknown ? 1.0 : entropy_of(voxel_signal(voxels[k]));
       }
     }
   }
   counters.entropy_bits = bits;
-  counters.known_fraction =
-      static_cast<double>(known) / static_cast<double>(impl_->config.grid.voxel_count());
+  counters.known_fraction = static_cast<double>(known) / static_cast<double>(all);
   return counters;
 }
 
-std::string SurveyMap::save() const {
+std::string save_model(const model::Model& model, const MapConfig& config) {
   SavedModel saved;
-  saved.config = impl_->config;
-  saved.table = the_model.table();
-  saved.map_hash = the_model.grid().map_hash();
-  const model::Grid& grid = the_model.grid();
-  saved.voxels.reserve(impl_->config.grid.voxel_count());
+  saved.config = config;
+  saved.table = model.table();
+  saved.map_hash = model.grid().map_hash();
+  const model::Grid& grid = model.grid();
+  saved.voxels.reserve(config.grid.voxel_count());
   for (std::int32_t n = 0; n < grid.north_cells(); ++n) {
     for (std::int32_t e = 0; e < grid.east_cells(); ++e) {
       const model::Voxel* const voxels = grid.column_voxels(grid.column_index(n, e));

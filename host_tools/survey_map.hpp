@@ -12,6 +12,7 @@
 #include "host_tools/raster.hpp"
 #include "model/base/ping.hpp"
 #include "model/base/pose.hpp"
+#include "model/model.hpp"
 
 namespace leadline::host {
 
@@ -55,6 +56,17 @@ class SurveyMap {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// Depth and sigma of every column as of the model's last extract(): elevation (minus depth) and sigma in
+/// metres; columns without a depth have no value.
+struct ModelRasters {
+  Raster elevation;
+  Raster sigma;
+};
+[[nodiscard]] ModelRasters model_rasters(const model::Model& model);
+[[nodiscard]] SurveyMapCounters model_counters(const model::Model& model);
+/// The saved model (model.llm). `config` describes the same grid.
+[[nodiscard]] std::string save_model(const model::Model& model, const MapConfig& config);
 
 /// The two records that the vehicle would have had for this row: transmit and receive time, beam and
 /// range; position with the configured sigma, attitude, one epoch.

@@ -403,10 +403,20 @@ bool Vehicle::certain_enough(const Pose& pose) const {
          pose.covariance.sigma_position_mm[base::kEast] <= limit_mm;
 }
 
+void Vehicle::keep_mapped(const Pose& pose) {
+  if (mapped_count_ == kMappedKept_count) {
+    return;
+  }
+  mapped_[mapped_count_] = MappedPing{ready_, pose};
+  mapped_[mapped_count_].ping.profile = base::RangeProfile{};
+  ++mapped_count_;
+}
+
 void Vehicle::map_pings() {
   std::uint32_t written = 0;
   const std::uint32_t bound = model_.bound().total_voxels;
   bool any = false;
+  mapped_count_ = 0;
   while (!pending_.empty()) {
     // One ping goes through whatever the budget is, or nothing ever would.
     if (any && config_.cycle_voxel_budget != 0 &&
@@ -419,6 +429,7 @@ void Vehicle::map_pings() {
     bool wait = false;
     if (pose_for(ready_, pose, loss, wait)) {
       static_cast<void>(model_.integrate(ready_, pose, config_.mounts[ready_.mount].table));
+      keep_mapped(pose);
       ++counters_.pings_mapped;
       written += model_.counters().last_voxels_per_ping;
       any = true;

@@ -126,6 +126,12 @@ struct VehicleCounters {
   std::uint32_t alarms;            ///< proto::Alarm bits
 };
 
+/// A ping as it went to the model, and the pose that its transducer had.
+struct MappedPing {
+  base::Ping ping;  ///< no profile: its echo was detected
+  base::Pose pose;
+};
+
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): configure() writes everything that is read.
 class Vehicle {
  public:
@@ -171,6 +177,11 @@ class Vehicle {
   [[nodiscard]] bool drained() const {
     return pending_.empty() && stale_.size() == 0 && unsent_.size() == 0;
   }
+  /// Pings that the last cycle mapped, oldest first; of more than kMappedKept_count the first. For the
+  /// host, which writes soundings beside a map.
+  static constexpr std::size_t kMappedKept_count = 32;
+  [[nodiscard]] const MappedPing* mapped() const { return mapped_.data(); }
+  [[nodiscard]] std::size_t mapped_count() const { return mapped_count_; }
   /// Newest pose of the reference point; validity 0 when there is none.
   [[nodiscard]] const base::Pose& latest_pose() const { return navigator_.latest(); }
   [[nodiscard]] const estimator::Navigator& navigator() const { return navigator_; }
@@ -207,6 +218,7 @@ class Vehicle {
                               bool& wait) const;
   [[nodiscard]] bool certain_enough(const base::Pose& pose) const;
   void lose(PingLoss loss);
+  void keep_mapped(const base::Pose& pose);
   void note_touched_tiles();
   void extract_tiles();
   void compare_tile(model::TileId tile);
@@ -237,6 +249,8 @@ class Vehicle {
   PingQueue pending_;
   base::Ping ready_{};  ///< the oldest pending ping, its echo detected
   bool has_ready_ = false;
+  std::array<MappedPing, kMappedKept_count> mapped_{};
+  std::size_t mapped_count_ = 0;
   TileSet stale_;
   TileSet unsent_;
   LinkMap link_map_;

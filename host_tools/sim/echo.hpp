@@ -19,6 +19,10 @@ namespace leadline::host {
 
 struct EchoSpec {
   double beam_half_angle_deg = 3.0;  ///< T, in (0, 90)
+  /// 0: the beam is that cone. Otherwise a fan: T along the beam's long side, this across it, in
+  /// (0, 90), with weight 1 - r^2 over the ellipse of directions (both limits are the same for narrow
+  /// cones).
+  double across_half_angle_deg = 0.0;
   std::size_t ray_count = 300;       ///< at least 1
   double detection_fraction = 0.10;  ///< of the echo's energy, in (0, 1]
   double range_bin_m = 0.125;        ///< > 0; the scenes use 1/8 of a cell
@@ -42,7 +46,19 @@ class EchoModel {
   /// arrived. Nothing if less than one ray in a hundred meets the terrain within the maximum range: a
   /// beam that looks past the edge of the world. If `touched` is given it must have one byte per cell;
   /// the cells hit by rays are set to 1.
-  std::optional<double> measure(Vec3 position, Vec3 axis, TouchedMask* touched = nullptr);
+  ///
+  /// A fan is turned about its axis so that its long side lies in the plane of `axis` and `long_side`
+  /// (any vector not parallel to the axis); a cone does not look at it.
+  std::optional<double> measure(Vec3 position, Vec3 axis, TouchedMask* touched = nullptr,
+                                Vec3 long_side = {});
+
+  /// One ray's part of an echo: bin number (floor(range / range_bin_m)) and weight.
+  struct Arrival {
+    double bin;
+    double weight;
+  };
+  /// All of the last measure(), nearest first: what an instrument that keeps the whole echo records.
+  [[nodiscard]] const std::vector<Arrival>& arrivals() const { return arrivals_; }
 
  private:
   struct Ray {
@@ -51,10 +67,8 @@ class EchoModel {
     double axial;
     double weight;
   };
-  struct Arrival {
-    double bin;
-    double weight;
-  };
+  void fill_cone();
+  void fill_fan();
 
   const Terrain& terrain_;
   EchoSpec spec_;

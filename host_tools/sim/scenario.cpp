@@ -1,11 +1,7 @@
 #include "host_tools/sim/scenario.hpp"
 
-#include <charconv>
-#include <cmath>
 #include <cstdio>
-#include <functional>
 #include <stdexcept>
-#include <system_error>
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/progress.hpp"
@@ -18,62 +14,11 @@ namespace {
   throw HostError(ExitCode::kUsage, message);
 }
 
-[[noreturn]] void bad_value(const std::string& key, const std::string& value,
-                            const std::string& expected) {
-  usage_error("simulate: " + key + "=" + printable(value) + ": " + expected);
-}
-
-template <typename Number>
-Number parse_number(const std::string& key, const std::string& value, const char* expected) {
-  Number number{};
-  const char* end = value.data() + value.size();
-  const std::from_chars_result result = std::from_chars(value.data(), end, number);
-  if (result.ec != std::errc() || result.ptr != end) {
-    bad_value(key, value, expected);
-  }
-  return number;
-}
-
-double parse_decimal(const std::string& key, const std::string& value) {
-  const double number = parse_number<double>(key, value, "not a decimal number");
-  if (!std::isfinite(number)) {
-    bad_value(key, value, "not a finite number");
-  }
-  return number;
-}
-
-std::string number_text(double value) {
-  char buffer[32];
-  return std::string(buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr);
-}
-
-// A parameter by name: how to read it from text and how to show it.
-struct Setting {
-  SettingInfo info;
-  std::function<void(Scenario*, const std::string&)> set;
-  std::function<std::string(const Scenario&)> get;
-};
-
-// Each of these makes a Setting from a function that finds the field in a scenario.
-template <typename Field>
-Setting decimal(const char* key, const char* help, Field field) {
-  return {{key, help},
-          [key, field](Scenario* s, const std::string& v) { field(*s) = parse_decimal(key, v); },
-          [field](const Scenario& s) { return number_text(field(s)); }};
-}
-
-template <typename Field>
-Setting count(const char* key, const char* help, Field field) {
-  return {{key, help},
-          [key, field](Scenario* s, const std::string& v) {
-            field(*s) = parse_number<std::size_t>(key, v, "not a whole number from 0");
-          },
-          [field](const Scenario& s) { return std::to_string(field(s)); }};
-}
+using Settings = SettingTable<Scenario>;
 
 // Sets a swing's three numbers.
 template <typename Field>
-void add_swing(std::vector<Setting>* settings, const std::string& name, Field field) {
+void add_swing(Settings* settings, const std::string& name, Field field) {
   struct Member {
     const char* suffix;
     const char* help;
@@ -86,110 +31,109 @@ void add_swing(std::vector<Setting>* settings, const std::string& name, Field fi
   for (const Member& member : kMembers) {
     const std::string key = name + member.suffix;
     double Swing::*const value = member.value;
-    settings->push_back(
-        {{key, name + " (lawnmower): " + member.help},
-         [key, field, value](Scenario* s, const std::string& v) {
-           field(*s).*value = parse_decimal(key, v);
-         },
-         [field, value](const Scenario& s) { return number_text(field(s).*value); }});
+    settings->decimal(
+        key, name + " (lawnmower): " + member.help,
+        [ field, value ](auto& s) -> auto& { return field(s).*value; });
   }
 }
 
-std::vector<Setting> make_settings() {
-  std::vector<Setting> settings;
-  const auto add = [&settings](Setting setting) { settings.push_back(std::move(setting)); };
+Settings make_settings() {
+  Settings settings("simulate");
   using S = Scenario;
 
-  add(count(
+  settings.count(
       "north_count", "cells of the terrain and of the grid, north",
-      [](auto& s) -> auto& { return s.north_count; }));
-  add(count(
-      "east_count", "the same, east", [](auto& s) -> auto& { return s.east_count; }));
-  add(decimal(
-      "cell_m", "edge of a cell", [](auto& s) -> auto& { return s.cell_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.north_count; });
+  settings.count(
+      "east_count", "the same, east", [](auto& s) -> auto& { return s.east_count; });
+  settings.decimal(
+      "cell_m", "edge of a cell", [](auto& s) -> auto& { return s.cell_m; });
+  settings.decimal(
       "shallowest_depth_m", "depth of the terrain's highest point",
-      [](auto& s) -> auto& { return s.shallowest_depth_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.shallowest_depth_m; });
+  settings.decimal(
       "relief_cells", "height of the terrain in cells; 0 (raster) = the raster's own",
-      [](auto& s) -> auto& { return s.relief_cells; }));
-  add({{"terrain_seed", "procedural terrain: its seed (default: that of the scene)"},
-       [](S* s, const std::string& v) {
-         s->terrain_seed =
-             parse_number<std::uint64_t>("terrain_seed", v, "not a whole number from 0");
-       },
-       [](const S& s) {
-         return s.terrain_seed ? std::to_string(*s.terrain_seed) : std::string();
-       }});
-  add(decimal(
-      "slope_deg", "plane: its slope", [](auto& s) -> auto& { return s.slope_deg; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.relief_cells; });
+  settings.add({{"terrain_seed", "procedural terrain: its seed (default: that of the scene)"},
+                [](const Settings& table, S* s, const std::string& v) {
+                  s->terrain_seed = table.parse_count<std::uint64_t>("terrain_seed", v);
+                },
+                [](const S& s) {
+                  return s.terrain_seed ? std::to_string(*s.terrain_seed) : std::string();
+                }});
+  settings.decimal(
+      "slope_deg", "plane: its slope", [](auto& s) -> auto& { return s.slope_deg; });
+  settings.decimal(
       "dip_azimuth_deg", "plane: direction in which it deepens, from north",
-      [](auto& s) -> auto& { return s.dip_azimuth_deg; }));
-  add(count(
+      [](auto& s) -> auto& { return s.dip_azimuth_deg; });
+  settings.count(
       "raster_first_row", "raster: first row of the part used, from the north",
-      [](auto& s) -> auto& { return s.raster_first_row; }));
-  add(count(
+      [](auto& s) -> auto& { return s.raster_first_row; });
+  settings.count(
       "raster_first_column", "raster: first column, from the west",
-      [](auto& s) -> auto& { return s.raster_first_column; }));
-  add(count(
+      [](auto& s) -> auto& { return s.raster_first_column; });
+  settings.count(
       "raster_rows", "raster: rows of the part; all four 0 = largest central part",
-      [](auto& s) -> auto& { return s.raster_rows; }));
-  add(count(
+      [](auto& s) -> auto& { return s.raster_rows; });
+  settings.count(
       "raster_columns", "raster: columns of the part",
-      [](auto& s) -> auto& { return s.raster_columns; }));
+      [](auto& s) -> auto& { return s.raster_columns; });
 
-  add({{"survey", "random or lawnmower"},
-       [](S* s, const std::string& v) {
-         if (v == "random") {
-           s->scene.survey.kind = SurveyKind::kRandom;
-         } else if (v == "lawnmower") {
-           s->scene.survey.kind = SurveyKind::kLawnmower;
-         } else {
-           bad_value("survey", v, "is neither random nor lawnmower");
-         }
-       },
-       [](const S& s) {
-         return std::string(s.scene.survey.kind == SurveyKind::kRandom ? "random" : "lawnmower");
-       }});
-  add(decimal(
+  settings.add({{"survey", "random or lawnmower"},
+                [](const Settings& table, S* s, const std::string& v) {
+                  if (v == "random") {
+                    s->scene.survey.kind = SurveyKind::kRandom;
+                  } else if (v == "lawnmower") {
+                    s->scene.survey.kind = SurveyKind::kLawnmower;
+                  } else {
+                    table.bad_value("survey", v, "is neither random nor lawnmower");
+                  }
+                },
+                [](const S& s) {
+                  return std::string(s.scene.survey.kind == SurveyKind::kRandom ? "random"
+                                                                                : "lawnmower");
+                }});
+  settings.decimal(
       "interval_s", "time between transmissions",
-      [](auto& s) -> auto& { return s.scene.survey.interval_s; }));
-  add(count(
+      [](auto& s) -> auto& { return s.scene.survey.interval_s; });
+  settings.count(
       "ping_count", "random: pings sent",
-      [](auto& s) -> auto& { return s.scene.survey.ping_count; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.survey.ping_count; });
+  settings.decimal(
       "altitude_min_m", "random: lowest altitude above ground",
-      [](auto& s) -> auto& { return s.scene.survey.altitude_min_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.survey.altitude_min_m; });
+  settings.decimal(
       "altitude_max_m", "random: highest altitude above ground",
-      [](auto& s) -> auto& { return s.scene.survey.altitude_max_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.survey.altitude_max_m; });
+  settings.decimal(
       "max_tilt_deg", "random: largest angle between beam and nadir",
-      [](auto& s) -> auto& { return s.scene.survey.max_tilt_deg; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.survey.max_tilt_deg; });
+  settings.decimal(
       "line_spacing_m", "lawnmower: between lines",
-      [](auto& s) -> auto& { return s.scene.survey.line_spacing_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.survey.line_spacing_m; });
+  settings.decimal(
       "along_step_m", "lawnmower: between transmissions along a line",
-      [](auto& s) -> auto& { return s.scene.survey.along_step_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.survey.along_step_m; });
+  settings.decimal(
       "altitude_m", "lawnmower: altitude above ground",
-      [](auto& s) -> auto& { return s.scene.survey.altitude_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.survey.altitude_m; });
+  settings.decimal(
       "altitude_smoothing_m", "lawnmower: keep it over the mean of this far ahead and astern",
-      [](auto& s) -> auto& { return s.scene.survey.altitude_smoothing_m; }));
-  add({{"depth_m", "lawnmower: constant depth instead of an altitude"},
-       [](S* s, const std::string& v) { s->scene.survey.depth_m = parse_decimal("depth_m", v); },
-       [](const S& s) {
-         return s.scene.survey.depth_m ? number_text(*s.scene.survey.depth_m) : std::string();
-       }});
-  add(count(
+      [](auto& s) -> auto& { return s.scene.survey.altitude_smoothing_m; });
+  settings.add({{"depth_m", "lawnmower: constant depth instead of an altitude"},
+                [](const Settings& table, S* s, const std::string& v) {
+                  s->scene.survey.depth_m = table.parse_decimal("depth_m", v);
+                },
+                [](const S& s) {
+                  return s.scene.survey.depth_m ? number_text(*s.scene.survey.depth_m)
+                                                : std::string();
+                }});
+  settings.count(
       "beam_count", "lawnmower: beams of the fan; 1 = an altimeter",
-      [](auto& s) -> auto& { return s.scene.survey.beam_count; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.survey.beam_count; });
+  settings.decimal(
       "opening_deg", "lawnmower: angle between the outermost beams",
-      [](auto& s) -> auto& { return s.scene.survey.opening_deg; }));
+      [](auto& s) -> auto& { return s.scene.survey.opening_deg; });
   add_swing(
       &settings, "roll", [](auto& s) -> auto& { return s.scene.survey.roll; });
   add_swing(
@@ -197,81 +141,63 @@ std::vector<Setting> make_settings() {
   add_swing(
       &settings, "yaw", [](auto& s) -> auto& { return s.scene.survey.yaw; });
 
-  add(decimal(
+  settings.decimal(
       "beam_half_angle_deg", "where the cone's weight reaches zero",
-      [](auto& s) -> auto& { return s.scene.echo.beam_half_angle_deg; }));
-  add(count(
-      "ray_count", "rays per beam", [](auto& s) -> auto& { return s.scene.echo.ray_count; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.echo.beam_half_angle_deg; });
+  settings.count(
+      "ray_count", "rays per beam", [](auto& s) -> auto& { return s.scene.echo.ray_count; });
+  settings.decimal(
       "detection_fraction", "share of the echo that has arrived when the range is taken",
-      [](auto& s) -> auto& { return s.scene.echo.detection_fraction; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.echo.detection_fraction; });
+  settings.decimal(
       "range_bin_cells", "range bins of the echo, in cells",
-      [](auto& s) -> auto& { return s.range_bin_cells; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.range_bin_cells; });
+  settings.decimal(
       "min_range_m", "stated in map.toml",
-      [](auto& s) -> auto& { return s.scene.declared.min_range_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.declared.min_range_m; });
+  settings.decimal(
       "max_range_m", "stated in map.toml",
-      [](auto& s) -> auto& { return s.scene.declared.max_range_m; }));
-  add(count(
+      [](auto& s) -> auto& { return s.scene.declared.max_range_m; });
+  settings.count(
       "down_margin_cells", "of the stated grid above and below the terrain",
-      [](auto& s) -> auto& { return s.scene.declared.down_margin_cells; }));
+      [](auto& s) -> auto& { return s.scene.declared.down_margin_cells; });
 
-  add(decimal(
+  settings.decimal(
       "sigma_range_m", "range error, one sigma",
-      [](auto& s) -> auto& { return s.scene.errors.sigma_range_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.errors.sigma_range_m; });
+  settings.decimal(
       "sigma_pointing_deg", "pointing error about each of two axes",
-      [](auto& s) -> auto& { return s.scene.errors.sigma_pointing_deg; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.errors.sigma_pointing_deg; });
+  settings.decimal(
       "sigma_north_m", "position error, independent per beam",
-      [](auto& s) -> auto& { return s.scene.errors.sigma_position_m.x; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.errors.sigma_position_m.x; });
+  settings.decimal(
       "sigma_east_m", "the same, east",
-      [](auto& s) -> auto& { return s.scene.errors.sigma_position_m.y; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.errors.sigma_position_m.y; });
+  settings.decimal(
       "sigma_down_m", "the same, down",
-      [](auto& s) -> auto& { return s.scene.errors.sigma_position_m.z; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.errors.sigma_position_m.z; });
+  settings.decimal(
       "drift_sigma_m", "horizontal position drift, long-run sigma per axis",
-      [](auto& s) -> auto& { return s.scene.errors.drift_sigma_m; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.errors.drift_sigma_m; });
+  settings.decimal(
       "drift_time_s", "its correlation time",
-      [](auto& s) -> auto& { return s.scene.errors.drift_time_s; }));
-  add({{"declare_drift", "true or false: state the drift in map.toml (sigma_correlated_mm)"},
-       [](S* s, const std::string& v) {
-         if (v != "true" && v != "false") {
-           bad_value("declare_drift", v, "is neither true nor false");
-         }
-         s->scene.declared.drift = v == "true";
-       },
-       [](const S& s) { return std::string(s.scene.declared.drift ? "true" : "false"); }});
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.errors.drift_time_s; });
+  settings.flag(
+      "declare_drift", "true or false: state the drift in map.toml (sigma_correlated_mm)",
+      [](auto& s) -> auto& { return s.scene.declared.drift; });
+  settings.decimal(
       "outlier_fraction", "returns replaced by one uniformly short of the range, 0 .. 1",
-      [](auto& s) -> auto& { return s.scene.errors.outlier_fraction; }));
-  add(decimal(
+      [](auto& s) -> auto& { return s.scene.errors.outlier_fraction; });
+  settings.decimal(
       "dropout_fraction", "returns lost, 0 .. 1",
-      [](auto& s) -> auto& { return s.scene.errors.dropout_fraction; }));
+      [](auto& s) -> auto& { return s.scene.errors.dropout_fraction; });
   return settings;
 }
 
-const std::vector<Setting>& settings_table() {
-  static const std::vector<Setting> kSettings = make_settings();
+const Settings& settings_table() {
+  static const Settings kSettings = make_settings();
   return kSettings;
-}
-
-const Setting& find_setting(const std::string& key) {
-  std::vector<std::string> keys;
-  for (const Setting& setting : settings_table()) {
-    if (setting.info.key == key) {
-      return setting;
-    }
-    keys.push_back(setting.info.key);
-  }
-  const std::string near = closest_name(key, keys);
-  usage_error("simulate: unknown parameter \"" + printable(key) + "\"" +
-              (near.empty() ? "" : "; did you mean " + near + "?"));
 }
 
 // Like the scenes made after Stewart's simulations: random pings over Mount St. Helens.
@@ -514,22 +440,16 @@ Scenario preset_scenario(const std::string& name) {
 }
 
 const std::vector<SettingInfo>& simulate_settings() {
-  static const std::vector<SettingInfo> kInfos = [] {
-    std::vector<SettingInfo> infos;
-    for (const Setting& setting : settings_table()) {
-      infos.push_back(setting.info);
-    }
-    return infos;
-  }();
+  static const std::vector<SettingInfo> kInfos = settings_table().infos();
   return kInfos;
 }
 
 void apply_setting(Scenario* scenario, const std::string& key, const std::string& value) {
-  find_setting(key).set(scenario, value);
+  settings_table().apply(scenario, key, value);
 }
 
 std::string setting_text(const Scenario& scenario, const std::string& key) {
-  return find_setting(key).get(scenario);
+  return settings_table().text(scenario, key);
 }
 
 Terrain build_terrain(const Scenario& scenario) {
@@ -593,11 +513,7 @@ Scenario resolve_scenario(const SimulateOptions& options) {
     scenario.scene.seed = *options.seed;
   }
   for (const std::string& setting : options.settings) {
-    const std::size_t equals = setting.find('=');
-    if (equals == std::string::npos) {
-      usage_error("simulate: \"" + printable(setting) + "\" is not of the form key=value");
-    }
-    apply_setting(&scenario, setting.substr(0, equals), setting.substr(equals + 1));
+    settings_table().apply(&scenario, setting);
   }
   scenario.scene.echo.range_bin_m = scenario.range_bin_cells * scenario.cell_m;
   // The instrument hears as far as the terrain reaches; what it may report is stated in map.toml.

@@ -1,4 +1,4 @@
-// `leadline simulate`: named surveys, their parameters by name, and the run from options to a folder.
+// `leadline scene`: named surveys, their parameters by name, and the run from options to a folder.
 #pragma once
 
 #include <cstdint>
@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "host_tools/settings.hpp"
 #include "host_tools/sim/simulator.hpp"
 #include "host_tools/sim/terrain_sources.hpp"
 
@@ -51,11 +52,6 @@ struct PresetInfo {
 /// empty until set). Throws HostError kUsage for an unknown name, with a suggestion.
 [[nodiscard]] Scenario preset_scenario(const std::string& name);
 
-struct SettingInfo {
-  std::string key;   ///< snake_case with its unit, for example "line_spacing_m"
-  std::string help;  ///< one line
-};
-
 /// Every parameter that apply_setting() can change, in a sensible order for a help text.
 [[nodiscard]] const std::vector<SettingInfo>& simulate_settings();
 
@@ -70,7 +66,7 @@ void apply_setting(Scenario* scenario, const std::string& key, const std::string
 /// Builds the terrain. Throws HostError (kUsage for parameters, kInput for the raster).
 [[nodiscard]] Terrain build_terrain(const Scenario& scenario);
 
-/// What `leadline simulate` is asked to do.
+/// What `leadline scene` is asked to do.
 struct SimulateOptions {
   std::string preset = "demo";
   /// "" = what the preset says; "procedural"; "plane"; else a raster that GDAL reads.

@@ -1,0 +1,60 @@
+#include <memory>
+
+#include <CLI/CLI.hpp>
+
+#include "host_tools/commands.hpp"
+#include "host_tools/export/export.hpp"
+
+namespace leadline::host {
+
+void add_export_command(CLI::App* app, CommandRun* run) {
+  const auto options = std::make_shared<ExportOptions>();
+  CLI::App* const command =
+      app->add_subcommand("export", "Write a map in the formats of other programs");
+  command
+      ->add_option("map", options->input_path,
+                   "Folder of `map`, `receive` or `replay`, a raster, or a vehicle's log")
+      ->type_name("PATH")
+      ->required();
+  command->add_option("--out", options->out_path, "File to write (- is standard output)")
+      ->type_name("FILE")
+      ->required();
+  command
+      ->add_option("--format", options->format,
+                   "geotiff, asc, xyz162, xyz168 or ply (default: by the file's ending)")
+      ->type_name("NAME");
+  command
+      ->add_option("--vertical", options->vertical,
+                   "elevation (up) or depth (down); default elevation, for xyz162 depth")
+      ->type_name("SIGN");
+  command->add_option("--datum", options->datum, "Vertical datum to state in the file")
+      ->type_name("TEXT");
+  command
+      ->add_option("--layer", options->layer,
+                   "map, sigma (asc) or voxels (ply: the occupied ones); default map")
+      ->type_name("NAME");
+  command
+      ->add_option("--frame", options->frame,
+                   "XYZ: local metres or lonlat (default: lonlat where the map has a place)")
+      ->type_name("NAME");
+  command->add_option("--lat", options->lat_deg, "Latitude of the map's origin, instead of its own")
+      ->type_name("DEG");
+  command->add_option("--lon", options->lon_deg, "Longitude of the map's origin")->type_name("DEG");
+  command
+      ->add_option(
+          "--epsg", options->epsg,
+          "Projected system in metres: of the map's coordinates, or, with --lat and --lon,\n"
+          "to place its origin in")
+      ->type_name("CODE");
+  command->footer(
+      "xyz162 and xyz168 are MB-System's ASCII XYZ formats: longitude latitude depth (down) or\n"
+      "elevation (up), and sigma. A map without a place is exported in local metres, and says "
+      "so.\n\n"
+      "Examples:\n"
+      "  leadline export map --out depth.tif --datum MSL\n"
+      "  leadline export map --out soundings.xyz --lat 54.18 --lon 7.89\n"
+      "  leadline export out/demo/survey.lll --out seafloor.ply --vertical elevation");
+  command->callback([options, run] { *run = [options] { return run_export(*options); }; });
+}
+
+}  // namespace leadline::host

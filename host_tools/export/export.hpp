@@ -1,0 +1,62 @@
+// `leadline export`: a map in the formats of other programs.
+//
+//   geotiff   GDAL; band 1 height, band 2 sigma
+//   asc       ESRI ASCII grid of heights, or of sigma
+//   xyz162    MB-System format 162: lines "longitude latitude depth sigma", depth positive down
+//   xyz168    MB-System format 168: the same with elevation, positive up
+//   ply       binary mesh of the seafloor with sigma per vertex, or the occupied voxels
+//
+// A map without a place on Earth is the normal case: XYZ and PLY then hold local metres, east and north.
+// Every file says in its own header which coordinates, sign and vertical datum it has.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "host_tools/export/map_source.hpp"
+
+namespace leadline::host {
+
+enum class ExportFormat : std::uint8_t { kGeoTiff, kEsriAscii, kXyz162, kXyz168, kPly };
+
+enum class ExportLayer : std::uint8_t { kMap, kSigma, kVoxels };
+
+/// Coordinates of XYZ lines.
+enum class ExportFrame : std::uint8_t { kLocal, kLonLat };
+
+struct ExportOptions {
+  std::string input_path;
+  std::string out_path;  ///< "-" is standard output
+  std::string format;    ///< "" = by the ending of out_path
+  std::string vertical;  ///< "elevation", "depth"; "" = elevation, for xyz162 depth
+  std::string layer;     ///< "map", "sigma" (asc), "voxels" (ply); "" = map
+  std::string frame;     ///< XYZ: "local", "lonlat"; "" = lonlat where the map has a place
+  /// Instead of what the source says. A place that is given here wins as a whole.
+  std::optional<double> lat_deg;
+  std::optional<double> lon_deg;
+  std::optional<int> epsg;
+  std::optional<std::string> datum;  ///< vertical datum, stated in the file
+};
+
+/// What was asked for, checked against each other and against the source.
+struct ExportPlan {
+  ExportFormat format = ExportFormat::kGeoTiff;
+  VerticalSign sign = VerticalSign::kElevation;
+  ExportLayer layer = ExportLayer::kMap;
+  ExportFrame frame = ExportFrame::kLocal;
+  GeoReference reference;
+};
+
+/// Throws HostError kUsage naming the option: a name that is not known (with a suggestion), a sign or
+/// layer that the format does not have, degrees without a place.
+[[nodiscard]] ExportPlan plan_export(const ExportOptions& options, const MapSource& source);
+
+/// The files as bytes.
+[[nodiscard]] std::string format_xyz(const MapSource& source, const ExportPlan& plan);
+[[nodiscard]] std::string format_ply(const MapSource& source, const ExportPlan& plan);
+
+/// The command; returns 0. Throws HostError: kUsage, kInput, kOutput.
+int run_export(const ExportOptions& options);
+
+}  // namespace leadline::host

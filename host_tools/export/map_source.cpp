@@ -1,0 +1,143 @@
+#include "host_tools/export/map_source.hpp"
+
+#include <filesystem>
+#include <fstream>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "host_tools/exit_codes.hpp"
+#include "host_tools/topside/receiver.hpp"
+#include "proto/framing.hpp"
+
+namespace leadline::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+GeoReference config_reference(const FrameConfig& frame) {
+  return {frame.lat_deg, frame.lon_deg, frame.epsg, frame.vertical_datum};
+}
+
+/// The place as `leadline receive` has left it beside its map.
+GeoReference received_reference(const std::string& path) {
+  std::ifstream file(path);
+  const nlohmann::json summary = nlohmann::json::parse(file, nullptr, false);
+  GeoReference reference;
+  if (!summary.is_object() || !summary.contains("frame") || !summary["frame"].is_object()) {
+    return reference;
+  }
+  const nlohmann::json& frame = summary["frame"];
+  const auto number = [&frame](const char* key) -> std::optional<double> {
+    const auto found = frame.find(key);
+    const bool there = found != frame.end() && found->is_number();
+    return there ? std::optional<double>(found->get<double>()) : std::nullopt;
+  };
+  reference.lat_deg = number("lat");
+  reference.lon_deg = number("lon");
+  if (const std::optional<double> epsg = number("epsg")) {
+    reference.epsg = static_cast<int>(*epsg);
+  }
+  return reference;
+}
+
+/// A log starts with a frame, hence with a zero byte: no raster does.
+bool is_log(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  char first = 1;
+  return file.read(&first, 1) && first == static_cast<char>(proto::kDelimiter);
+}
+
+MapSource load_log(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  Receiver receiver;
+  std::vector<char> buffer(65536);
+  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
+         file.gcount() > 0) {
+    receiver.feed(reinterpret_cast<const std::uint8_t*>(buffer.data()),
+                  static_cast<std::size_t>(file.gcount()));
+  }
+  if (file.bad()) {
+    throw HostError(ExitCode::kInput, path + ": cannot be read");
+  }
+  const TileStore* const store = receiver.store();
+  if (store == nullptr || store->known_cells() == 0) {
+    throw HostError(ExitCode::kInput,
+                    path + ": no map in it (" + std::to_string(receiver.counters().frames) +
+                        " whole frames, " + std::to_string(receiver.counters().damaged_frames) +
+                        " damaged)");
+  }
+  MapSource source;
+  source.elevation = store->elevation();
+  source.sigma = store->sigma();
+  source.reference = hello_reference(store->hello());
+  source.origin = path + ", the link's map";
+  return source;
+}
+
+MapSource load_folder(const std::string& path) {
+  MapSource source;
+  source.origin = path;
+  std::error_code ignored;
+  source.elevation = read_esri_ascii(path + "/depth.asc");
+  if (fs::exists(path + "/sigma.asc", ignored)) {
+    source.sigma = read_esri_ascii(path + "/sigma.asc");
+    if (!same_geometry(source.elevation, *source.sigma)) {
+      throw HostError(ExitCode::kInput, path + ": depth.asc has " +
+                                            describe_geometry(source.elevation) +
+                                            ", sigma.asc has " + describe_geometry(*source.sigma));
+    }
+  }
+  if (fs::exists(path + "/model.llm", ignored)) {
+    source.model = load_model_file(path);
+    source.reference = config_reference(source.model->config.frame);
+  } else if (fs::exists(path + "/receive.json", ignored)) {
+    source.reference = received_reference(path + "/receive.json");
+  }
+  return source;
+}
+
+MapSource load_file(const std::string& path) {
+  MapSource source;
+  source.origin = path;
+  const bool is_ascii = path.size() >= 4 && path.substr(path.size() - 4) == ".asc";
+  if (is_ascii) {
+    source.elevation = read_esri_ascii(path);
+    return source;
+  }
+  GeoTiffContent content = read_geotiff(path);
+  source.elevation = std::move(content.elevation);
+  source.sigma = std::move(content.sigma);
+  source.reference.epsg = content.epsg;
+  if (!content.vertical_datum.empty()) {
+    source.reference.vertical_datum = content.vertical_datum;
+  }
+  return source;
+}
+
+}  // namespace
+
+GeoReference hello_reference(const proto::Hello& hello) {
+  GeoReference reference;
+  if (hello.has_geodetic_origin != 0) {
+    reference.lat_deg = static_cast<double>(hello.latitude_e9deg) / 1e9;
+    reference.lon_deg = static_cast<double>(hello.longitude_e9deg) / 1e9;
+  }
+  if (hello.epsg != 0) {
+    reference.epsg = hello.epsg;
+  }
+  return reference;
+}
+
+MapSource load_map_source(const std::string& path) {
+  std::error_code ignored;
+  if (fs::is_directory(path, ignored)) {
+    return load_folder(path);
+  }
+  if (!fs::exists(path, ignored)) {
+    throw HostError(ExitCode::kInput, path + ": cannot be opened");
+  }
+  return is_log(path) ? load_log(path) : load_file(path);
+}
+
+}  // namespace leadline::host

@@ -1,0 +1,271 @@
+#include "host_tools/topside/receiver.hpp"
+
+#include <cstdio>
+#include <utility>
+
+#include "host_tools/exit_codes.hpp"
+#include "proto/log.hpp"
+
+namespace leadline::host {
+namespace {
+
+/// Packets that are kept for a hello: more than a vehicle sends between two hellos on a fast link.
+constexpr std::size_t kMaxEarlyPackets = 4096;
+
+std::string hex(std::uint64_t value) {
+  char text[24];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
+  return text;
+}
+
+std::string survey_text(const proto::Hello& hello) {
+  return "survey " + hex(hello.survey_id) + ", session " + std::to_string(hello.session);
+}
+
+/// Whether two hellos speak of one map.
+bool same_map(const proto::Hello& a, const proto::Hello& b) {
+  bool same = a.survey_id == b.survey_id && a.session == b.session && a.cell_mm == b.cell_mm;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    same =
+        same && a.size_cells[axis] == b.size_cells[axis] && a.origin_mm[axis] == b.origin_mm[axis];
+  }
+  return same;
+}
+
+struct AlarmName {
+  std::uint32_t bit;
+  const char* words;
+};
+constexpr AlarmName kAlarmNames[] = {
+    {proto::kAlarmMappingPaused, "mapping paused"},
+    {proto::kAlarmNoPose, "no pose"},
+    {proto::kAlarmPortLost, "a port is lost"},
+    {proto::kAlarmPortSilent, "a device is silent"},
+    {proto::kAlarmRecorderLost, "the recorder lost records"},
+    {proto::kAlarmShed, "pings were shed"},
+    {proto::kAlarmQueueFull, "ping queue full"},
+    {proto::kAlarmLinkBehind, "the link lags behind the map"},
+    {proto::kAlarmTimeStepped, "time went back"},
+    {proto::kAlarmOutsideGrid, "outside the grid"},
+    {proto::kAlarmInputDropped, "device bytes dropped"},
+    {proto::kAlarmPoseEpoch, "navigation jumped"},
+};
+
+}  // namespace
+
+std::string alarm_text(std::uint32_t alarms) {
+  std::string text;
+  const auto append = [&text](const std::string& words) {
+    text += (text.empty() ? "" : ", ") + words;
+  };
+  for (const AlarmName& name : kAlarmNames) {
+    if ((alarms & name.bit) != 0) {
+      append(name.words);
+      alarms &= ~name.bit;
+    }
+  }
+  for (std::uint32_t bit = 0; bit < 32; ++bit) {
+    if (((alarms >> bit) & 1U) != 0) {
+      append("alarm " + std::to_string(bit));
+    }
+  }
+  return text;
+}
+
+Receiver::Receiver(std::optional<std::uint64_t> survey_id) : wanted_survey_(survey_id) {}
+
+void Receiver::feed(const std::uint8_t* data, std::size_t size_bytes) {
+  counters_.bytes += size_bytes;
+  while (size_bytes > 0) {
+    std::size_t used = 0;
+    proto::FrameView frame{};
+    const bool complete = buffer_.decoder().feed(data, size_bytes, used, frame);
+    wire_bytes_ += used;
+    if (complete) {
+      take(frame);
+      wire_bytes_ = 0;
+    }
+    data += used;
+    size_bytes -= used;
+  }
+  const proto::FrameCounters& framing = buffer_.decoder().counters();
+  counters_.frames = framing.frames;
+  counters_.damaged_frames =
+      std::uint64_t{framing.bad_crc} + framing.bad_code + framing.too_short + framing.too_long;
+}
+
+void Receiver::take(const proto::FrameView& frame) {
+  proto::MessageType type{};
+  if (!proto::message_type(frame.payload, frame.payload_bytes, type)) {
+    counters_.unknown_types += 1;
+    return;
+  }
+  switch (type) {
+    case proto::MessageType::kHello:
+      take_hello(frame);
+      break;
+    case proto::MessageType::kTileDelta:
+      take_delta(frame.payload, frame.payload_bytes, wire_bytes_);
+      break;
+    case proto::MessageType::kStatus:
+      take_status(frame);
+      break;
+    case proto::MessageType::kText:
+      take_text(frame);
+      break;
+    case proto::MessageType::kResendRequest:
+      break;  // the echo of our own
+    case proto::MessageType::kLogEnd:
+      take_end(frame);
+      counters_.log_records += 1;
+      break;
+    default:
+      counters_.log_records += 1;
+      break;
+  }
+}
+
+void Receiver::take_hello(const proto::FrameView& frame) {
+  const auto hello = proto::decode_hello(frame.payload, frame.payload_bytes);
+  if (hello.status() == base::Status::kBadVersion) {
+    const int major = frame.payload_bytes > 1 ? frame.payload[1] : 0;
+    throw HostError(ExitCode::kInput, "receive: the vehicle speaks version " +
+                                          std::to_string(major) +
+                                          " of the protocol, this program version " +
+                                          std::to_string(proto::kProtocolMajor) +
+                                          ": use the leadline that belongs to the vehicle");
+  }
+  if (!hello.ok()) {
+    counters_.malformed += 1;
+    return;
+  }
+  counters_.hellos += 1;
+  const proto::Hello& said = hello.value();
+  if (wanted_survey_ && said.survey_id != *wanted_survey_) {
+    if (!foreign_noticed_) {
+      notice(proto::Severity::kWarning, survey_text(said) + " is on the link and passed over");
+    }
+    foreign_noticed_ = true;
+    return;
+  }
+  if (store_ && same_map(store_->hello(), said)) {
+    return;
+  }
+  if (store_) {
+    notice(proto::Severity::kWarning, "a new map begins: " + survey_text(said));
+    if (on_replaced) {
+      on_replaced(*store_);
+    }
+  } else {
+    notice(proto::Severity::kInfo, survey_text(said) + ": " + std::to_string(said.size_cells[0]) +
+                                       " x " + std::to_string(said.size_cells[1]) + " cells of " +
+                                       std::to_string(said.cell_mm) + " mm");
+  }
+  if (said.schema_hash != proto::schema_hash()) {
+    notice(proto::Severity::kInfo,
+           "the vehicle speaks minor version " + std::to_string(said.protocol_minor) +
+               " of the protocol: what this program does not know of it is passed over");
+  }
+  store_ = std::make_unique<TileStore>(said);
+  status_.reset();
+  vehicle_link_hash_.reset();
+  resend_after_ = 0;
+  const auto early = std::exchange(early_, {});
+  for (const EarlyPacket& packet : early) {
+    take_delta(packet.payload.data(), packet.payload.size(), packet.wire_bytes);
+  }
+}
+
+void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
+                          std::size_t wire_bytes) {
+  proto::TilePacketDecoder packet;
+  if (packet.open(payload, size_bytes) != base::Status::kOk) {
+    counters_.malformed += 1;
+    return;
+  }
+  if (!store_) {
+    if (early_.size() < kMaxEarlyPackets) {
+      early_.push_back({{payload, payload + size_bytes}, wire_bytes});
+    } else {
+      counters_.before_hello += 1;
+    }
+    return;
+  }
+  if (packet.survey_tag() != store_->tag()) {
+    counters_.other_surveys += 1;
+    return;
+  }
+  proto::TileDelta delta;
+  while (packet.next(delta)) {
+    const DeltaOutcome outcome = store_->apply(delta);
+    counters_.deltas += 1;
+    counters_.delta_cells += static_cast<std::uint64_t>(delta.cell_count);
+    counters_.repeated_cells += static_cast<std::uint64_t>(outcome.repeated_cells);
+    counters_.outside_grid += outcome.outside ? 1U : 0U;
+  }
+  counters_.malformed += packet.status() == base::Status::kOk ? 0U : 1U;
+  counters_.delta_bytes += wire_bytes;
+}
+
+void Receiver::take_status(const proto::FrameView& frame) {
+  const auto status = proto::decode_status(frame.payload, frame.payload_bytes);
+  if (!status.ok()) {
+    counters_.malformed += 1;
+    return;
+  }
+  counters_.statuses += 1;
+  status_ = status.value();
+}
+
+void Receiver::take_text(const proto::FrameView& frame) {
+  const auto text = proto::decode_text(frame.payload, frame.payload_bytes);
+  if (!text.ok()) {
+    counters_.malformed += 1;
+    return;
+  }
+  counters_.texts += 1;
+  notice(text.value().severity, std::string(text.value().text, text.value().size_bytes));
+}
+
+void Receiver::take_end(const proto::FrameView& frame) {
+  const auto end = proto::decode_log_end(frame.payload, frame.payload_bytes);
+  if (end.ok()) {
+    vehicle_link_hash_ = end.value().link_hash;
+  }
+}
+
+void Receiver::notice(proto::Severity severity, std::string text) {
+  notices_.push_back({severity, std::move(text)});
+}
+
+double Receiver::bytes_per_changed_cell() const {
+  return counters_.delta_cells == 0 ? 0.0
+                                    : static_cast<double>(counters_.delta_bytes) /
+                                          static_cast<double>(counters_.delta_cells);
+}
+
+std::vector<ReceiverNotice> Receiver::take_notices() { return std::exchange(notices_, {}); }
+
+std::vector<std::uint8_t> Receiver::resend_request() {
+  if (!store_) {
+    return {};
+  }
+  proto::ResendRequest request = store_->missing(resend_after_);
+  if (request.range_count == 0) {
+    request = store_->missing(0);
+  }
+  if (request.range_count == 0) {
+    return {};
+  }
+  const proto::TileRange& last = request.ranges[request.range_count - 1];
+  resend_after_ = last.first + last.count;
+  std::uint8_t payload[proto::kMaxResendRequest_bytes];
+  const auto size = proto::encode_resend_request(request, payload, sizeof payload);
+  std::vector<std::uint8_t> frame(proto::frame_bound_bytes(proto::kMaxResendRequest_bytes));
+  const auto framed =
+      proto::encode_frame(payload, size.ok() ? size.value() : 0, frame.data(), frame.size());
+  frame.resize(size.ok() && framed.ok() ? framed.value() : 0);
+  return frame;
+}
+
+}  // namespace leadline::host

@@ -1,0 +1,108 @@
+// What a topside makes of the bytes of a link: frames, messages, the map, and counts of everything that
+// was wrong. No I/O and no clock: bytes and time come in, so that a test can do to the bytes what it
+// likes.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "host_tools/topside/tile_store.hpp"
+#include "proto/framing.hpp"
+#include "proto/messages.hpp"
+
+namespace leadline::host {
+
+/// Never decremented.
+struct ReceiverCounters {
+  std::uint64_t bytes = 0;
+  std::uint64_t frames = 0;          ///< whole ones, CRC right
+  std::uint64_t damaged_frames = 0;  ///< dropped by the framing, all reasons
+  std::uint64_t hellos = 0;
+  std::uint64_t deltas = 0;          ///< tiles in tile delta packets
+  std::uint64_t delta_bytes = 0;     ///< of their frames, framing included
+  std::uint64_t delta_cells = 0;     ///< cells that they carried
+  std::uint64_t repeated_cells = 0;  ///< of these: known already, or older than what is known
+  std::uint64_t statuses = 0;
+  std::uint64_t texts = 0;
+  std::uint64_t log_records = 0;    ///< records of a vehicle's log between the frames (file:)
+  std::uint64_t unknown_types = 0;  ///< messages of a newer minor
+  std::uint64_t malformed = 0;      ///< right CRC, but no message: a foreign sender
+  std::uint64_t other_surveys = 0;  ///< tile deltas of another survey or session
+  std::uint64_t before_hello = 0;   ///< tile deltas given up because no hello ever explained them
+  std::uint64_t outside_grid = 0;
+};
+
+/// A line for the user.
+struct ReceiverNotice {
+  proto::Severity severity = proto::Severity::kInfo;
+  std::string text;
+};
+
+class Receiver {
+ public:
+  /// `survey_id`: take this survey only and count all others; unset: the first that speaks, and then
+  /// whichever says hello.
+  explicit Receiver(std::optional<std::uint64_t> survey_id = std::nullopt);
+  Receiver(const Receiver&) = delete;
+  Receiver& operator=(const Receiver&) = delete;
+
+  /// Called when another survey or session begins, with the map of the one before.
+  std::function<void(const TileStore& ended)> on_replaced;
+
+  /// Takes bytes of a stream, in pieces of any size. Throws HostError kInput when the vehicle speaks
+  /// another major version of the protocol.
+  void feed(const std::uint8_t* data, std::size_t size_bytes);
+
+  /// The map; null before the first hello.
+  [[nodiscard]] const TileStore* store() const { return store_.get(); }
+  [[nodiscard]] const std::optional<proto::Status>& status() const { return status_; }
+  [[nodiscard]] const ReceiverCounters& counters() const { return counters_; }
+  /// Bytes of tile deltas per cell that they carried; 0 when there is none.
+  [[nodiscard]] double bytes_per_changed_cell() const;
+  /// What the end record of a log said of the vehicle's map, where one was read.
+  [[nodiscard]] const std::optional<std::uint64_t>& vehicle_link_hash() const {
+    return vehicle_link_hash_;
+  }
+
+  /// Texts of the vehicle and findings of the receiver since the last call.
+  [[nodiscard]] std::vector<ReceiverNotice> take_notices();
+  /// The request frame for tiles that miss something, empty when none does; goes round all of them
+  /// from call to call.
+  [[nodiscard]] std::vector<std::uint8_t> resend_request();
+
+ private:
+  void take(const proto::FrameView& frame);
+  void take_hello(const proto::FrameView& frame);
+  void take_delta(const std::uint8_t* payload, std::size_t size_bytes, std::size_t wire_bytes);
+  void take_status(const proto::FrameView& frame);
+  void take_text(const proto::FrameView& frame);
+  void take_end(const proto::FrameView& frame);
+  void notice(proto::Severity severity, std::string text);
+
+  std::optional<std::uint64_t> wanted_survey_;
+  proto::FrameDecoderBuffer<> buffer_;
+  std::unique_ptr<TileStore> store_;
+  std::optional<proto::Status> status_;
+  std::optional<std::uint64_t> vehicle_link_hash_;
+  ReceiverCounters counters_;
+  std::vector<ReceiverNotice> notices_;
+  /// Tile deltas that came before the hello that explains them.
+  struct EarlyPacket {
+    std::vector<std::uint8_t> payload;
+    std::size_t wire_bytes;
+  };
+  std::vector<EarlyPacket> early_;
+  std::size_t wire_bytes_ = 0;  ///< of the frame under way
+  std::uint32_t resend_after_ = 0;
+  bool foreign_noticed_ = false;
+};
+
+/// "mapping paused, no pose", "" for none. Bits that are not known are named by number.
+[[nodiscard]] std::string alarm_text(std::uint32_t alarms);
+
+}  // namespace leadline::host

@@ -1,0 +1,145 @@
+#include "host_tools/topside/replay.hpp"
+
+#include <cstdio>
+#include <iostream>
+#include <vector>
+
+#include "firmware/pipeline/session_log.hpp"
+#include "host_tools/exit_codes.hpp"
+#include "host_tools/map_output.hpp"
+#include "host_tools/output_dir.hpp"
+#include "host_tools/progress.hpp"
+#include "host_tools/survey_map.hpp"
+#include "host_tools/topside/host_vehicle.hpp"
+
+namespace leadline::host {
+namespace {
+
+std::string hex(std::uint64_t value, int digits) {
+  char text[24];
+  std::snprintf(text, sizeof text, "0x%0*llx", digits, static_cast<unsigned long long>(value));
+  return text;
+}
+
+/// What is wrong with the log, a line each.
+std::string log_findings(const FlightLogCounters& log, bool has_end) {
+  std::string text;
+  const auto say = [&text](std::uint64_t count, const char* what) {
+    if (count > 0) {
+      text += "gap: " + std::to_string(count) + " " + what + "\n";
+    }
+  };
+  say(log.damaged_places, "places in the log cannot be read");
+  say(log.missing_cycles, "cycles are missing");
+  say(log.broken_cycles, "cycles lack some of their bytes");
+  say(log.recorder_gaps, "times the recorder could not keep up or write");
+  say(log.recorder_lost, "records were lost by the recorder");
+  if (!has_end) {
+    text += log.cut ? "the log ends in the middle of a record\n" : "the log has no end record\n";
+  }
+  return text;
+}
+
+std::string result_json(const ReplayResult& result) {
+  const FlightLogCounters& log = result.log;
+  const proto::LogEnd& now = result.now;
+  std::string text = "{\n  \"map_hash\": \"" + hex(now.map_hash, 16) + "\"";
+  const auto add = [&text](const char* key, const std::string& value) {
+    text += std::string(",\n  \"") + key + "\": " + value;
+  };
+  add("link_hash", "\"" + hex(now.link_hash, 16) + "\"");
+  add("downlink_crc", "\"" + hex(now.downlink_crc, 8) + "\"");
+  add("same_as_flight", !result.then ? "null" : (result.same() ? "true" : "false"));
+  add("cycles", std::to_string(result.cycles));
+  add("seconds", std::to_string(static_cast<double>(now.t_us) * 1e-6));
+  add("pings_in", std::to_string(now.pings_in));
+  add("pings_fused", std::to_string(now.pings_fused));
+  add("pings_shed", std::to_string(now.pings_shed));
+  add("pings_rejected", std::to_string(now.pings_rejected));
+  add("cells_sent", std::to_string(now.cells_sent));
+  add("downlink_bytes", std::to_string(now.downlink_bytes));
+  add("damaged_places", std::to_string(log.damaged_places));
+  add("missing_cycles", std::to_string(log.missing_cycles));
+  add("broken_cycles", std::to_string(log.broken_cycles));
+  add("recorder_lost", std::to_string(log.recorder_lost));
+  return text + "\n}\n";
+}
+
+void write_results(const ReplayOptions& options, const FlightLog& log, firmware::Vehicle* vehicle,
+                   const Soundings& soundings, const ReplayResult& result) {
+  OutputDir output(options.out_dir);
+  const MapConfig config = flight_map_config(log.config(), vehicle->model().table());
+  vehicle->model().extract();
+  const ModelRasters rasters = model_rasters(vehicle->model());
+  output.write("model.llm", save_model(vehicle->model(), config));
+  stage_map(&output, rasters.elevation, rasters.sigma,
+            {config.frame.lat_deg, config.frame.lon_deg, config.frame.epsg, std::nullopt});
+  output.write("pings.csv", soundings.csv());
+  output.write("map.toml", map_config_to_toml(config));
+  output.write("replay.json", result_json(result));
+  output.commit();
+}
+
+}  // namespace
+
+ReplayResult replay_flight(FlightLog* log, firmware::Vehicle* vehicle, Soundings* soundings) {
+  ReplayResult result;
+  Progress progress("replaying", log->size_bytes());
+  FlightCycle cycle;
+  base::TimeUs t_us = log->header().t_us;
+  std::vector<firmware::InputChunk> chunks;
+  while (log->next(&cycle)) {
+    chunks.clear();
+    for (const FlightCycle::Chunk& chunk : cycle.chunks) {
+      chunks.push_back({chunk.t_arrival_us, chunk.bytes.data(),
+                        static_cast<std::uint16_t>(chunk.bytes.size()), chunk.port});
+    }
+    firmware::CycleOutput output{};
+    vehicle->cycle({cycle.t_us, chunks.data(), chunks.size(), cycle.downlink_room_bytes}, output);
+    if (soundings != nullptr) {
+      soundings->take(*vehicle);
+    }
+    t_us = cycle.t_us;
+    result.cycles += 1;
+    progress.update(log->counters().bytes);
+  }
+  result.now = firmware::log_end_of(*vehicle, t_us);
+  result.then = log->end();
+  result.log = log->counters();
+  return result;
+}
+
+int run_replay(const ReplayOptions& options) {
+  FlightLog log(options.log_path);
+  const HostVehicle vehicle(log.config(), log.tables(), options.log_path);
+  Soundings soundings;
+  const ReplayResult result =
+      replay_flight(&log, &*vehicle, options.out_dir.empty() ? nullptr : &soundings);
+  std::cerr << log_findings(result.log, result.then.has_value());
+  if (!options.out_dir.empty()) {
+    write_results(options, log, &*vehicle, soundings, result);
+  }
+  if (options.json) {
+    std::cout << result_json(result);
+  } else {
+    std::cout << "map_hash=" << hex(result.now.map_hash, 16)
+              << " link_hash=" << hex(result.now.link_hash, 16)
+              << " downlink_crc=" << hex(result.now.downlink_crc, 8) << "\n";
+    std::cout << result.cycles << " cycles, " << result.now.pings_in << " pings, "
+              << result.now.pings_fused << " in the map; "
+              << (result.same() ? "the same as when it flew"
+                  : result.then ? "not the same as when it flew"
+                                : "nothing to compare with: no end record")
+              << "\n";
+  }
+  if (result.then && !result.same()) {
+    std::cerr << "leadline: error: the flight ended with map_hash="
+              << hex(result.then->map_hash, 16) << " link_hash=" << hex(result.then->link_hash, 16)
+              << " downlink_crc=" << hex(result.then->downlink_crc, 8)
+              << (result.log.complete() ? "" : " (the log has gaps, see above)") << "\n";
+    return static_cast<int>(ExitCode::kComparisonFailed);
+  }
+  return static_cast<int>(ExitCode::kOk);
+}
+
+}  // namespace leadline::host

@@ -1,0 +1,169 @@
+#include "host_tools/topside/tile_store.hpp"
+
+#include <algorithm>
+#include <iterator>
+
+namespace leadline::host {
+namespace {
+
+std::int32_t tiles_of(std::int32_t cells) {
+  return (cells + proto::kTileSide_cells - 1) / proto::kTileSide_cells;
+}
+
+/// Generations count modulo 2^32: the half ahead of `b` is newer.
+bool newer(std::uint32_t a, std::uint32_t b) { return a != b && a - b < 0x80000000U; }
+
+/// How far behind the first word about a tile its cells of no word are.
+constexpr std::uint32_t kLongAgo = 0x40000000U;
+
+}  // namespace
+
+TileStore::TileStore(const proto::Hello& hello)
+    : hello_(hello),
+      tag_(proto::survey_tag(hello.survey_id, hello.session)),
+      tiles_east_(tiles_of(hello.size_cells[1])),
+      tiles_(static_cast<std::size_t>(tiles_of(hello.size_cells[0])) *
+             static_cast<std::size_t>(tiles_east_)) {}
+
+bool TileStore::fits(const proto::TileDelta& delta) const {
+  if (delta.tile >= tiles_.size()) {
+    return false;
+  }
+  const auto number = static_cast<std::int32_t>(delta.tile);
+  const std::int32_t rows = hello_.size_cells[0] - number / tiles_east_ * proto::kTileSide_cells;
+  const std::int32_t columns = hello_.size_cells[1] - number % tiles_east_ * proto::kTileSide_cells;
+  for (int k = 0; k < proto::kTileArea_cells; ++k) {
+    const bool inside = (k >> 4) < rows && (k & 15) < columns;
+    if (!inside && delta.changed.test(k) && proto::cell_known(delta.cells[k])) {
+      return false;
+    }
+  }
+  return true;
+}
+
+DeltaOutcome TileStore::apply(const proto::TileDelta& delta) {
+  DeltaOutcome outcome;
+  if (!fits(delta)) {
+    outcome.outside = true;
+    return outcome;
+  }
+  Tile& tile = tiles_[delta.tile];
+  if (!tile.seen) {
+    tile.seen = true;
+    tile.generation = delta.generation - kLongAgo;
+    std::fill(std::begin(tile.cell_generation), std::end(tile.cell_generation), tile.generation);
+  }
+  for (int k = 0; k < proto::kTileArea_cells; ++k) {
+    if (!delta.changed.test(k)) {
+      continue;
+    }
+    proto::CodedCell& cell = tile.cells[k];
+    if (newer(tile.cell_generation[k], delta.generation) || cell == delta.cells[k]) {
+      outcome.repeated_cells += 1;
+    } else {
+      outcome.new_cells += 1;
+      known_cells_ += proto::cell_known(delta.cells[k]) ? 1U : 0U;
+      known_cells_ -= proto::cell_known(cell) ? 1U : 0U;
+      cell = delta.cells[k];
+    }
+    if (newer(delta.generation, tile.cell_generation[k])) {
+      tile.cell_generation[k] = delta.generation;
+    }
+  }
+  if (newer(delta.generation, tile.generation)) {
+    tile.generation = delta.generation;
+    tile.hash32 = delta.hash32;
+  }
+  tile.complete = proto::fold_hash(proto::tile_hash(tile.cells)) == tile.hash32;
+  return outcome;
+}
+
+proto::CodedCell TileStore::cell(std::int32_t north, std::int32_t east) const {
+  const auto tile = static_cast<std::size_t>((north >> 4) * tiles_east_ + (east >> 4));
+  return tiles_[tile].cells[(north & 15) * proto::kTileSide_cells + (east & 15)];
+}
+
+std::uint64_t TileStore::grid_cells() const {
+  return static_cast<std::uint64_t>(hello_.size_cells[0]) *
+         static_cast<std::uint64_t>(hello_.size_cells[1]);
+}
+
+std::uint32_t TileStore::known_tiles() const {
+  std::uint32_t count = 0;
+  for (const Tile& tile : tiles_) {
+    count += tile.seen ? 1U : 0U;
+  }
+  return count;
+}
+
+std::uint64_t TileStore::link_hash() const {
+  std::uint64_t hash = proto::kFnvOffset;
+  for (const Tile& tile : tiles_) {
+    hash = proto::add_tile_hash(hash, proto::tile_hash(tile.cells));
+  }
+  return hash;
+}
+
+std::uint32_t TileStore::tiles_incomplete() const {
+  std::uint32_t count = 0;
+  for (const Tile& tile : tiles_) {
+    count += tile.complete ? 0U : 1U;
+  }
+  return count;
+}
+
+proto::ResendRequest TileStore::missing(std::uint32_t after) const {
+  proto::ResendRequest request{};
+  request.survey_tag = tag_;
+  for (std::uint32_t id = after; id < tile_count(); ++id) {
+    if (tiles_[id].complete) {
+      continue;
+    }
+    if (request.range_count > 0) {
+      proto::TileRange& last = request.ranges[request.range_count - 1];
+      if (last.first + last.count == id) {
+        last.count += 1;
+        continue;
+      }
+    }
+    if (request.range_count == proto::kMaxResendRanges) {
+      break;
+    }
+    request.ranges[request.range_count] = {id, 1};
+    request.range_count += 1;
+  }
+  return request;
+}
+
+template <typename Value>
+Raster TileStore::raster(Value value) const {
+  Raster raster = make_raster(
+      hello_.size_cells[1], hello_.size_cells[0], static_cast<double>(hello_.origin_mm[1]) / 1000.0,
+      static_cast<double>(hello_.origin_mm[0]) / 1000.0, hello_.cell_mm / 1000.0);
+  for (std::int32_t n = 0; n < hello_.size_cells[0]; ++n) {
+    for (std::int32_t e = 0; e < hello_.size_cells[1]; ++e) {
+      const proto::CodedCell coded = cell(n, e);
+      if (proto::cell_known(coded)) {
+        raster.at(hello_.size_cells[0] - 1 - n, e) = value(coded);
+      }
+    }
+  }
+  return raster;
+}
+
+Raster TileStore::elevation() const {
+  // Exact in double: below 2^53 in units of 1/256 mm. One division, so one rounding.
+  return raster([this](proto::CodedCell coded) {
+    const double depth_256th_mm = static_cast<double>(hello_.origin_mm[2]) * 256.0 +
+                                  static_cast<double>(proto::cell_depth_q8(coded)) * hello_.cell_mm;
+    return -depth_256th_mm / 256'000.0;
+  });
+}
+
+Raster TileStore::sigma() const {
+  return raster([this](proto::CodedCell coded) {
+    return static_cast<double>(proto::cell_sigma_q12(coded)) * hello_.cell_mm / 4'096'000.0;
+  });
+}
+
+}  // namespace leadline::host

@@ -1,0 +1,79 @@
+// The map as the link told it: coded cells of tiles, by generation. What the vehicle holds and what the
+// topside holds are the same when their tile hashes are.
+//
+// Packets may be lost, repeated or come in another order: every cell remembers the generation that it
+// is of, and an older word about it is dropped. A tile that missed something is known by its hash.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "host_tools/raster.hpp"
+#include "proto/cell.hpp"
+#include "proto/messages.hpp"
+#include "proto/tile_coder.hpp"
+
+namespace leadline::host {
+
+/// What became of a delta.
+struct DeltaOutcome {
+  int new_cells = 0;       ///< cells whose value changed
+  int repeated_cells = 0;  ///< said before with the same or an older generation
+  bool outside = false;  ///< a tile or a known cell that the grid does not have: nothing was taken
+};
+
+class TileStore {
+ public:
+  /// An empty map of the grid that the hello describes (decode_hello has checked its ranges). O(grid).
+  explicit TileStore(const proto::Hello& hello);
+
+  [[nodiscard]] const proto::Hello& hello() const { return hello_; }
+  [[nodiscard]] std::uint16_t tag() const { return tag_; }
+
+  /// O(tile).
+  DeltaOutcome apply(const proto::TileDelta& delta);
+
+  [[nodiscard]] std::uint32_t tile_count() const {
+    return static_cast<std::uint32_t>(tiles_.size());
+  }
+  /// Cell (north, east) of the grid, both inside.
+  [[nodiscard]] proto::CodedCell cell(std::int32_t north, std::int32_t east) const;
+  [[nodiscard]] std::uint64_t known_cells() const { return known_cells_; }
+  [[nodiscard]] std::uint64_t grid_cells() const;
+  [[nodiscard]] std::uint32_t known_tiles() const;
+  /// 64-bit hash of all coded cells: the link_hash of proto/cell.hpp. O(grid).
+  [[nodiscard]] std::uint64_t link_hash() const;
+
+  /// Tiles of which something is known to be missing: the newest delta's hash is not the tile's.
+  [[nodiscard]] std::uint32_t tiles_incomplete() const;
+  /// Up to proto::kMaxResendRanges ranges of such tiles, ascending; the first `after` tile numbers are
+  /// passed over, so that a caller gets round all of them.
+  [[nodiscard]] proto::ResendRequest missing(std::uint32_t after) const;
+
+  /// Metres up (minus depth), metres of one sigma; unknown cells have no value. O(grid).
+  [[nodiscard]] Raster elevation() const;
+  [[nodiscard]] Raster sigma() const;
+
+ private:
+  struct Tile {
+    std::uint32_t generation = 0;  ///< of the newest delta
+    std::uint32_t hash32 = 0;      ///< what the whole tile should hash to at that generation
+    bool seen = false;
+    bool complete = true;
+    proto::CodedCell cells[proto::kTileArea_cells] = {};
+    std::uint32_t cell_generation[proto::kTileArea_cells] = {};
+  };
+
+  [[nodiscard]] bool fits(const proto::TileDelta& delta) const;
+  template <typename Value>
+  [[nodiscard]] Raster raster(Value value) const;
+
+  proto::Hello hello_;
+  std::uint16_t tag_;
+  std::int32_t tiles_east_;
+  std::uint64_t known_cells_ = 0;
+  std::vector<Tile> tiles_;
+};
+
+}  // namespace leadline::host
