@@ -65,7 +65,7 @@ TEST(a_clean_echo_is_found_where_its_fraction_arrives) {
       // Within a bin energy is taken as even: the bin in which it begins counts whole.
       const double tail = fraction > 50'000 ? 0.1 * echo.length_um : 0.0;
       assert_near(static_cast<double>(found.range_um), echo.arrival_um(fraction / 65536.0),
-                  0.6 * kBin_um + tail + 0.005 * echo.length_um);
+                  0.75 * kBin_um + tail + 0.005 * echo.length_um);
       assert_near(static_cast<double>(found.energy_q8) / 256.0, 100'000, 2'000);
       assert_true(found.quality > 200);
     }
