@@ -8,7 +8,6 @@ namespace {
 
 using base::clamp;
 using base::max_of;
-using base::min_of;
 
 constexpr int kTimeBits = 20;
 constexpr std::int64_t kMaxRate = std::int64_t{1} << 44U;

@@ -212,7 +212,8 @@ void Navigator::take_heading(const NavSample& sample) {
       stated_or(sample.sigma_attitude_urad[2], config_.sigma_heading_urad), 3'000'000));
   const std::int64_t value = sensed_attitude(sample).heading_bam32;
   if (!heading_.started()) {
-    heading_.start(newest_us_, value, sigma);
+    heading_.start(sample.t_us, value, sigma);
+    heading_.predict(newest_us_);
     ++counters_.fused;
     return;
   }
@@ -222,7 +223,8 @@ void Navigator::take_heading(const NavSample& sample) {
   }
   ++counters_.gated;
   if (heading_.gated_in_a_row() >= kJumpCount) {
-    heading_.start(newest_us_, value, sigma);
+    heading_.start(sample.t_us, value, sigma);
+    heading_.predict(newest_us_);
     begin_epoch();
   }
 }
@@ -289,7 +291,8 @@ void Navigator::merge_position(KalmanCv* axes, int axis_count, const std::int64_
   bool moved = false;
   for (int i = 0; i < axis_count; ++i) {
     if (!merged[i].started()) {
-      merged[i].start(newest_us_, values[i], sigma_um);
+      merged[i].start(t_us, values[i], sigma_um);
+      merged[i].predict(newest_us_);
       continue;
     }
     const Fusion fusion = merged[i].update(Measurement{values[i], sigma_um, age(t_us)});
@@ -320,7 +323,8 @@ void Navigator::merge_position(KalmanCv* axes, int axis_count, const std::int64_
   }
   // They agree with each other and not with the state: the state is wrong.
   for (int i = 0; i < axis_count; ++i) {
-    axes[i].start(newest_us_, values[i], sigma_um);
+    axes[i].start(t_us, values[i], sigma_um);
+    axes[i].predict(newest_us_);
   }
   rejects.count = 0;
   begin_epoch();

@@ -123,6 +123,7 @@ void RangeDecoder::start(const std::uint8_t* body, std::size_t size_bytes) {
   for (int i = 0; i < 4; ++i) {
     code_ = (code_ << 8U) | next_byte();
   }
+  outside_ = code_ >= range_;
 }
 
 std::uint32_t RangeDecoder::next_byte() {
@@ -150,7 +151,10 @@ std::uint32_t RangeDecoder::get_raw(unsigned count) {
   range_ >>= count;
   const std::uint32_t most = (1U << count) - 1U;
   std::uint32_t value = code_ / range_;
-  value = value < most ? value : most;  // more only in a body that no encoder wrote
+  if (value > most) {
+    value = most;
+    outside_ = true;
+  }
   low_ += value * range_;
   code_ -= value * range_;
   normalize();
@@ -166,11 +170,11 @@ void RangeDecoder::normalize() {
 }
 
 bool RangeDecoder::finished_exactly() const {
-  if (at_ < size_ || (size_ > 0 && body_[size_ - 1] == 0)) {
+  if (outside_ || at_ < size_ || (size_ > 0 && body_[size_ - 1] == 0)) {
     return false;
   }
   const auto tail = static_cast<std::uint32_t>(tail_of(low_, range_) & 0xFFFFFFFFU);
-  return code_ < range_ && low_ + code_ == tail;
+  return low_ + code_ == tail;
 }
 
 }  // namespace leadline::proto

@@ -72,6 +72,7 @@ class RangeDecoder {
   std::uint32_t low_ = 0;
   std::uint32_t range_ = 0;
   std::uint32_t code_ = 0;  ///< value of the body less low_
+  bool outside_ = false;    ///< the body lies where no encoder gets to
 };
 
 }  // namespace leadline::proto

@@ -79,7 +79,10 @@ class TileWalk {
     if (code < 0) {
       return false;
     }
-    const std::uint32_t flags = flag_bits(cell_flags(own));
+    std::uint32_t flags = cell_flags(own);
+    if (!flag_bits(flags)) {
+      return false;
+    }
     std::int32_t depth_q8 = cell_known(own) ? cell_depth_q8(own) : 0;
     if (!depth(at, depth_step_shift(code), depth_q8)) {
       return false;
@@ -212,14 +215,15 @@ class TileWalk {
     return 3 * base::min_of(sigma_most_ - sigma_least_, 3) + lean;
   }
 
-  std::uint32_t flag_bits(std::uint8_t own) {
-    const bool multi =
-        coder_.bit(model_.multi_surface[near_multi_], (own & kCellMultiSurface) != 0);
-    std::uint32_t flags = multi ? 1U : 0U;
-    if (coder_.bit(model_.other_flags, own > kCellMultiSurface)) {
-      flags |= coder_.raw(own >> 1U, 2) << 1U;
+  bool flag_bits(std::uint32_t& flags) {
+    const std::uint32_t own = flags;
+    flags = coder_.bit(model_.multi_surface[near_multi_], (own & kCellMultiSurface) != 0) ? 1U : 0U;
+    if (!coder_.bit(model_.other_flags, own > kCellMultiSurface)) {
+      return true;
     }
-    return flags;
+    const std::uint32_t others = coder_.raw(own >> 1U, 2);
+    flags |= others << 1U;
+    return others != 0;
   }
 
   /// Value at the cell of the plane through the neighbours: least squares, slopes held back by a ridge

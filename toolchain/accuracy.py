@@ -235,12 +235,44 @@ def print_tables(all_figures):
     return mean
 
 
+# Rule and gain, as in [model]; None: the default configuration.
+RULES = [("log_odds", None), ("weighted_mean", None), ("certainty_factor", 0.1),
+         ("certainty_factor", 0.5), ("recursive", 0.05), ("recursive", 0.2), ("recursive", 0.5)]
+
+
+def compare_rules(scenes, names, build, out):
+    """Table of scene x rule: rmse and bias in cells."""
+    print("\nrmse (bias) in cells by rule and k_p, everything else as above.\n")
+    titles = [rule + (f" {gain:g}" if gain else "") for rule, gain in RULES]
+    print("| scene | " + " | ".join(titles) + " |")
+    print("|---" * (len(titles) + 1) + "|")
+    for name in names:
+        scene = scenes / name
+        truth = Raster(scene / "truth.asc")
+        touched = Raster(scene / "touched.asc")
+        cells = []
+        for (rule, gain), title in zip(RULES, titles):
+            folder = out / name / "rules" / title.replace(" ", "-")
+            folder.mkdir(parents=True, exist_ok=True)
+            config = (scene / "map.toml").read_text()
+            if "[model]" in config:
+                raise SystemExit(f"accuracy: {scene}: map.toml has a [model] of its own")
+            config += f'\n[model]\nrule = "{rule}"\n' + (f"k_p = {gain}\n" if gain else "")
+            (folder / "map.toml").write_text(config)
+            run([build / "host_tools" / "leadline", "map", "--pings", scene / "pings.csv",
+                 "--config", folder / "map.toml", "--out", folder / "map"])
+            errors = Errors(Raster(folder / "map" / "depth.asc"), truth, touched)
+            cells.append(f"{errors.rmse:.3f} ({errors.bias:+.3f})")
+        print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(prog="accuracy.sh", add_help=False)
     parser.add_argument("--root", type=pathlib.Path, required=True)
     parser.add_argument("--scenes", type=pathlib.Path)
     parser.add_argument("--build", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path)
+    parser.add_argument("--rules", action="store_true")
     parser.add_argument("names", nargs="*")
     arguments = parser.parse_args()
 
@@ -260,6 +292,9 @@ def main():
     build = arguments.build or arguments.root / "build" / "release"
     out = arguments.out or arguments.root / "out" / "accuracy"
 
+    if arguments.rules:
+        compare_rules(scenes, names, build, out)
+        return 0
     all_figures = []
     for name in names:
         print(f"{name} ...", file=sys.stderr, flush=True)

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Measures which lines of model/ its own tests run (unit/base, unit/model, property; what programs and
-# scripts run besides does not count), and fails below the bound.
+# Measures which lines of the vehicle's folders their own tests run (unit tests and properties; what
+# programs and scripts run besides does not count), and fails where a folder is below the bound.
 #
 # usage: toolchain/coverage.sh [--min PERCENT] [--label REGEX]
-#   --min PERCENT   lines of model/ that must run (default 95)
+#   --min PERCENT   lines of each folder that must run (default 95)
 #   --label REGEX   which tests run, by ctest label (default: fast and ci)
 #
 # Leaves build/coverage/coverage.html (line by line) and build/coverage/coverage.txt.
@@ -29,17 +29,30 @@ while [ $# -gt 0 ]; do
 done
 
 command -v gcovr >/dev/null || die "gcovr is missing: toolchain/setup.sh --checks"
-configure_and_build coverage model_tests
+configure_and_build coverage vehicle_tests
 build="$root/build/coverage"
 # Counts of an earlier run would hide a test that no longer runs.
 find "$build" -name '*.gcda' -delete
 tests_failed=0
 # The search for the work bound takes minutes without optimization and runs three lines that the others do
 # not. The lines of a test that fails count all the same.
-run_ctest coverage -L "$label" -R '^(unit\.(base|model)|property)\.' -E '^property\.work_bound' ||
-  tests_failed=1
-gcovr --root "$root" --object-directory "$build" --filter "$root/model/" \
-  --exclude-unreachable-branches --html-details "$build/coverage.html" --txt "$build/coverage.txt" \
-  --fail-under-line "$minimum" --print-summary ||
-  die "below $minimum % of the lines of model/: see $build/coverage.txt"
+run_ctest coverage -L "$label" -R '^(unit\.(base|model|estimator|proto|hal|firmware)|property)\.' \
+  -E '^property\.work_bound' || tests_failed=1
+
+# gcov's counts are read once; the folders are parts of the result.
+folders=(model estimator proto hal/heads hal/attitude firmware/pipeline)
+filters=()
+for folder in "${folders[@]}"; do
+  filters+=(--filter "$root/$folder/")
+done
+gcovr --root "$root" --object-directory "$build" "${filters[@]}" --exclude-unreachable-branches \
+  --html-details "$build/coverage.html" --txt "$build/coverage.txt" --json "$build/coverage.json" ||
+  die "gcovr failed"
+below=0
+for folder in "${folders[@]}"; do
+  summary=$(gcovr --root "$root" --add-tracefile "$build/coverage.json" --filter "$root/$folder/" \
+    --fail-under-line "$minimum" --print-summary --txt /dev/null) || below=1
+  printf '%-18s %s\n' "$folder" "$(grep '^lines' <<<"$summary")"
+done
+[ "$below" -eq 0 ] || die "a folder is below $minimum % of its lines: see $build/coverage.txt"
 [ "$tests_failed" -eq 0 ] || die "tests failed: see $build/ctest.log"

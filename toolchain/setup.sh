@@ -17,7 +17,7 @@ packages=(
   libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev
   fonts-dejavu-core
   libcmocka-dev
-  libbenchmark-dev liboctomap-dev
+  libbenchmark-dev liboctomap-dev libzstd-dev
 )
 # libclang-rt: the sanitizer and fuzzer libraries, which clang only recommends. llvm: readable reports.
 check_packages=(clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr)

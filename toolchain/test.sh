@@ -85,7 +85,7 @@ if [ "$tier" = full ]; then
 else
   step "tests, asan" run_ctest asan -L '^fast$' || true
 fi
-step "coverage of model/" "$root/toolchain/coverage.sh" || true
+step "coverage of vehicle code" "$root/toolchain/coverage.sh" || true
 if [ "$tier" = full ]; then
   step "build debug" configure_and_build debug || finish
   step "tests, debug" run_ctest debug -L '^fast$' || true

@@ -11,8 +11,8 @@
 namespace leadline::host {
 namespace {
 
-constexpr std::array<const char*, 4> kRuleNames = {"weighted_mean", "log_odds",
-                                                   "certainty_factor", "recursive"};
+constexpr std::array<const char*, 4> kRuleNames = {"weighted_mean", "log_odds", "certainty_factor",
+                                                   "recursive"};
 constexpr std::array<const char*, 2> kNoReturnNames = {"ignore", "empty"};
 
 [[noreturn]] void refuse(const std::string& name, const std::string& what) {

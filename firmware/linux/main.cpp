@@ -56,7 +56,8 @@ void add_options(CLI::App* app, Options* options) {
   app->add_option("--log", options->log_path,
                   "log file, instead of [log] path; \"\" records nothing");
   app->add_option("--port", options->ports, "N=URI: another device for port N (may be repeated)")
-      ->type_name("N=URI");
+      ->type_name("N=URI")
+      ->allow_extra_args(false);
   app->add_option("--link", options->link, "URI of the link, instead of [link] uri")
       ->type_name("URI");
   app->add_option("--clock", options->clock,

@@ -1,6 +1,8 @@
 // Vehicle: configuration, and the cycle's steps in their order. What goes to the link: vehicle_link.cpp.
 #include "firmware/pipeline/vehicle.hpp"
 
+#include <algorithm>
+
 #include "firmware/pipeline/config_codec.hpp"
 #include "firmware/pipeline/rotation.hpp"
 #include "model/base/crc32c.hpp"
@@ -57,12 +59,9 @@ bool link_sound(const LinkConfig& link) {
 }
 
 bool mount_sound(const MountConfig& mount) {
-  for (const std::int32_t arm : mount.lever_arm_mm) {
-    if (!within(arm, -kLongestLever_mm, kLongestLever_mm)) {
-      return false;
-    }
-  }
-  return true;
+  return std::all_of(
+      std::begin(mount.lever_arm_mm), std::end(mount.lever_arm_mm),
+      [](std::int32_t arm_mm) { return within(arm_mm, -kLongestLever_mm, kLongestLever_mm); });
 }
 
 // Fields that the rest relies on; codecs are trusted with the rest.
@@ -95,7 +94,7 @@ const char* ping_loss_name(PingLoss loss) {
   return "unknown";
 }
 
-Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) const {
+Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) {
   if (config.schema_version != kVehicleConfigSchemaVersion) {
     return Status::kBadVersion;
   }
@@ -199,8 +198,9 @@ void Vehicle::configure_ports() {
       port.driver = Driver::kNone;
     }
     ports_[i].configure(port, config_.sound_speed_mm_s);
-    detector_[i] = model::EchoDetectorConfig{model_.table(config_.mounts[port.mount].table).detection_fraction_q16,
-                                             port.min_range_um, port.max_range_um};
+    detector_[i] = model::EchoDetectorConfig{
+        model_.table(config_.mounts[port.mount].table).detection_fraction_q16, port.min_range_um,
+        port.max_range_um};
   }
 }
 
@@ -292,7 +292,7 @@ void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std
   DevicePort& device = ports_[port];
   PortTally& tally = counters_.ports[port];
   tally.bytes += size_bytes;
-  DeviceRecord record;
+  DeviceRecord record{};
   for (std::size_t i = 0; i < size_bytes; ++i) {
     for (RecordKind kind = device.feed(data[i], t_us, record); kind != RecordKind::kNone;
          kind = device.next(record)) {

@@ -200,7 +200,7 @@ class Vehicle {
     bool paused;       ///< the last ping was refused for want of a good pose
   };
 
-  [[nodiscard]] base::Status check(const VehicleConfig& config, std::size_t table_count) const;
+  [[nodiscard]] static base::Status check(const VehicleConfig& config, std::size_t table_count);
   void configure_ports();
   [[nodiscard]] estimator::NavigatorConfig navigator_config() const;
   [[nodiscard]] base::TimeUs begin_cycle(base::TimeUs t_us);

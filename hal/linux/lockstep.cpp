@@ -5,8 +5,6 @@
 #include <chrono>
 #include <cstring>
 
-#include "hal/wire.hpp"
-
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>

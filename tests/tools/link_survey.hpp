@@ -65,35 +65,41 @@ inline CodedMap code_terrain(const host::Raster& elevation, double sigma_cells) 
   return code_raster(elevation, sigma, top_m, nullptr);
 }
 
-/// Flies `options` (preset, terrain, seed, settings) and maps it with the vehicle's model; the coded map,
-/// as a vehicle that sends every change keeps it, after each of `fractions` (ascending, 0 .. 1) of the
-/// pings.
-inline std::vector<CodedMap> coded_survey(const host::SimulateOptions& options,
-                                          const std::vector<double>& fractions) {
-  const host::Scenario scenario = host::resolve_scenario(options);
-  const host::Terrain terrain = host::build_terrain(scenario);
-  const host::Survey survey = host::simulate(terrain, scenario.scene);
-  const std::string pings = host::format_pings_csv(survey);
-  const host::MapConfig config =
-      host::parse_map_config(host::format_map_toml(terrain, scenario.scene), "map.toml", "");
+/// Maps pings (the texts of pings.csv and map.toml) with the vehicle's model; the coded map, as a vehicle that
+/// sends every change keeps it, after each of `fractions` (ascending, 0 .. 1) of the pings.
+inline std::vector<CodedMap> coded_pings(const std::string& pings, const std::string& map_toml,
+                                         const std::vector<double>& fractions) {
+  const host::MapConfig config = host::parse_map_config(map_toml, "map.toml", "");
   const double top_m = -static_cast<double>(config.grid.origin_mm[2]) * 1e-3;
   host::SurveyMap map(config, "map.toml");
+  std::vector<host::PingRow> rows;
   host::PingCsvReader reader("pings.csv", pings, {});
+  for (host::PingRow row{}; reader.next(&row);) {
+    rows.push_back(row);
+  }
   std::vector<CodedMap> states;
   std::size_t taken = 0;
   for (const double fraction : fractions) {
     const auto until =
-        static_cast<std::size_t>(std::floor(fraction * static_cast<double>(survey.pings.size())));
-    host::PingRow row{};
-    while (taken < until && reader.next(&row)) {
-      static_cast<void>(map.integrate(row));
-      ++taken;
+        static_cast<std::size_t>(std::floor(fraction * static_cast<double>(rows.size())));
+    for (; taken < until; ++taken) {
+      static_cast<void>(map.integrate(rows[taken]));
     }
     map.extract();
     states.push_back(code_raster(map.elevation(), map.sigma(), top_m,
                                  states.empty() ? nullptr : &states.back()));
   }
   return states;
+}
+
+/// Flies `options` (preset, terrain, seed, settings) first.
+inline std::vector<CodedMap> coded_survey(const host::SimulateOptions& options,
+                                          const std::vector<double>& fractions) {
+  const host::Scenario scenario = host::resolve_scenario(options);
+  const host::Terrain terrain = host::build_terrain(scenario);
+  const host::Survey survey = host::simulate(terrain, scenario.scene);
+  return coded_pings(host::format_pings_csv(survey), host::format_map_toml(terrain, scenario.scene),
+                     fractions);
 }
 
 /// Two states of a map that follow each other.

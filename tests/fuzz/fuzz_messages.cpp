@@ -1,0 +1,56 @@
+// Payloads of any kind: a decoder never reads outside them, and what it takes encodes to the same bytes.
+#include <array>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+
+#include "proto/framing.hpp"
+#include "proto/log.hpp"
+#include "proto/messages.hpp"
+
+namespace {
+
+using namespace leadline::proto;  // NOLINT: every name of the headers is under test
+
+void require(bool condition) {
+  if (!condition) {
+    std::abort();
+  }
+}
+
+std::array<std::uint8_t, kMaxPayload_bytes> again;
+
+/// `decoded` was taken: encoding it gives the first bytes of the payload.
+template <typename Message, typename Encode>
+void check(const leadline::base::Result<Message>& decoded, const std::uint8_t* payload,
+           std::size_t size, Encode encode) {
+  if (!decoded.ok()) {
+    return;
+  }
+  const auto encoded = encode(decoded.value(), again.data(), again.size());
+  require(encoded.ok() && encoded.value() <= size);
+  require(std::memcmp(again.data(), payload, encoded.value()) == 0);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  MessageType type{};
+  const bool known = message_type(data, size, type);
+  require(!known || static_cast<std::uint8_t>(type) == data[0]);
+  size = size < kMaxPayload_bytes ? size : kMaxPayload_bytes;
+  check(decode_hello(data, size), data, size, encode_hello);
+  check(decode_status(data, size), data, size, encode_status);
+  check(decode_text(data, size), data, size, encode_text);
+  check(decode_resend_request(data, size), data, size, encode_resend_request);
+  check(decode_log_header(data, size), data, size, encode_log_header);
+  check(decode_log_chunk(data, size), data, size, encode_log_chunk);
+  check(decode_log_cycle(data, size), data, size, encode_log_cycle);
+  check(decode_log_gap(data, size), data, size, encode_log_gap);
+  check(decode_log_end(data, size), data, size, encode_log_end);
+  check(decode_log_piece(data, size), data, size,
+        [type](const LogPiece& piece, std::uint8_t* out, std::size_t capacity) {
+          return encode_log_piece(type, piece, out, capacity);
+        });
+  return 0;
+}
