@@ -102,9 +102,9 @@ leadline replay "$out/survey.lll" --out "$out/replay"
 say "pictures"
 cp "$out"/topside/{depth.asc,sigma.asc,depth.tif} "$out"
 leadline render "$out/topside" --out "$out"
-for view in slice histogram; do
-  leadline render "$out/replay" --view $view --out "$out/$view.png"
-done
+# Voxels stay on the vehicle: these are of the replay.
+leadline render "$out/replay" --out "$out/replay"
+cp "$out"/replay/{slice_north,slice_east,slice_down,histogram}.png "$out"
 
 say "comparing with the truth"
 truth=("$out/truth.asc" --mask "$out/touched.asc")
