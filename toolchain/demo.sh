@@ -1,26 +1,35 @@
 #!/usr/bin/env bash
-# Shows what Leadline does: surveys a seafloor, maps it from the pings alone, compares with the truth.
+# Shows the whole chain: sonar heads and sensors on serial lines, the vehicle's program, its link over UDP,
+# the topside that draws what arrives, and the recorded flight replayed to the same bits.
 #
 # usage: toolchain/demo.sh [--terrain FILE] [--out DIR]
 #   --terrain FILE   survey this raster (anything that GDAL reads) instead of the built-in seafloor
 #   --out DIR        where the results go (default out/demo)
 #
-# Installs what is missing from Debian and builds first. Leaves in DIR:
-#   depth.png uncertainty.png ...   pictures of the map; difference.png of map minus truth
-#   depth.tif depth.asc sigma.asc   the map as rasters
+# Installs what is missing from Debian and builds first. The devices are emulated (leadline emulate) and
+# speak their protocols at ptys; leadline-vehicle knows no difference. Time is virtual (lockstep): a
+# survey of twelve minutes takes as long as its arithmetic. Leaves in DIR:
+#   depth.png uncertainty.png ...   pictures of the received map; difference.png of map minus truth
+#   depth.tif depth.asc sigma.asc   the received map as rasters
+#   summary.json                    coverage, rmse_m, bias_m, p95_m: received map against the truth, where
+#                                   any ray met the ground; pings_per_s: pings mapped per second of the
+#                                   vehicle's CPU; bytes_per_changed_cell: framing included;
+#                                   topside_equals_vehicle: every cell, by hash; log: the recorded flight,
+#                                   relative to the project
 #   table.txt                       errors of the map, and of the usual griddings of the same pings
-#   pings.csv map.toml truth.asc    the survey
+#   survey.lll vehicle.toml         the flight's log and configuration
+#   topside/ replay/                what `leadline receive` and `leadline replay` wrote
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 out="$root/out/demo"
-terrain=()
+mission=()
 while [ $# -gt 0 ]; do
   case $1 in
     --terrain)
       [ $# -ge 2 ] || usage_error "--terrain wants a file"
       [ -r "$2" ] || usage_error "cannot read $2"
-      terrain=(--terrain "$(realpath "$2")")
+      mission=(--terrain "$(realpath "$2")")
       shift
       ;;
     --out)
@@ -39,34 +48,105 @@ done
 
 "$root/toolchain/setup.sh"
 say "building"
-configure_and_build release leadline
+configure_and_build release leadline leadline-vehicle
 
 leadline() { "$root/build/release/host_tools/leadline" "$@"; }
 start=$SECONDS
 mkdir -p "$out"
+rm -f "$out/survey.lll" "$out/summary.json"
+# Sockets and ptys have short names wherever the project lies.
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/leadline-demo.XXXXXX")
+receiver=
+vehicle=
+finish() {
+  for process in $receiver $vehicle; do
+    kill "$process" 2>/dev/null || true
+  done
+  rm -rf "$scratch"
+}
+trap finish EXIT
 
-say "surveying"
-leadline simulate "${terrain[@]}" --out "$out"
+say "flying: emulated heads on ptys -> leadline-vehicle -> UDP -> leadline receive"
+"$root/build/release/host_tools/leadline" receive --link udp:@127.0.0.1:0 --out "$out/topside" \
+  >"$out/receive.log" 2>&1 &
+receiver=$!
+port=
+for _ in $(seq 100); do
+  port=$(sed -n 's/^receive: listening at port //p' "$out/receive.log")
+  [ -z "$port" ] || break
+  sleep 0.05
+done
+[ -n "$port" ] || die "the receiver did not start: $(cat "$out/receive.log")"
 
-say "mapping"
-leadline map --pings "$out/pings.csv" --config "$out/map.toml" --out "$out"
+leadline emulate "${mission[@]}" --write-config "$out" --ports "$scratch/ports" \
+  --link "udp:127.0.0.1:$port"
+# Times of the vehicle's CPU: the last line of vehicle.err.
+TIMEFORMAT='%U %S'
+{
+  time "$root/build/release/firmware/leadline-vehicle" --config "$out/vehicle.toml" \
+    --clock "lockstep:$scratch/clock" --json >"$out/vehicle.json" 2>"$out/vehicle.log"
+} 2>"$scratch/cpu" &
+vehicle=$!
+leadline emulate "${mission[@]}" --out "$out" --ports "$scratch/ports" \
+  --lockstep "$scratch/clock"
+wait "$vehicle" || die "the vehicle failed: $(cat "$out/vehicle.log")"
+vehicle=
+kill -INT "$receiver"
+wait "$receiver" || die "the receiver failed: $(cat "$out/receive.log")"
+receiver=
+tail -n 4 "$out/receive.log"
+
+say "replaying the recorded flight"
+leadline replay "$out/survey.lll" --out "$out/replay"
 
 say "pictures"
-leadline render "$out" --out "$out"
+cp "$out"/topside/{depth.asc,sigma.asc,depth.tif} "$out"
+leadline render "$out/topside" --out "$out"
+# Voxels stay on the vehicle: these are of the replay.
+leadline render "$out/replay" --out "$out/replay"
+cp "$out"/replay/{slice_north,slice_east,slice_down,histogram}.png "$out"
 
 say "comparing with the truth"
+truth=("$out/truth.asc" --mask "$out/touched.asc")
 {
-  echo "The map:"
-  leadline compare "$out/depth.asc" "$out/truth.asc" --mask "$out/touched.asc" \
-    --sigma "$out/sigma.asc" --difference-png "$out/difference.png"
+  echo "The map that arrived:"
+  leadline compare "$out/depth.asc" "${truth[@]}" --sigma "$out/sigma.asc" \
+    --difference-png "$out/difference.png"
   echo
   echo "Griddings of the same pings:"
-  leadline grid --pings "$out/pings.csv" --config "$out/map.toml" --truth "$out/truth.asc" \
-    --mask "$out/touched.asc"
+  leadline grid --pings "$out/replay/pings.csv" --config "$out/replay/map.toml" \
+    --truth "$out/truth.asc" --mask "$out/touched.asc"
 } | tee "$out/table.txt"
 
-for result in depth.png depth.tif difference.png table.txt; do
+leadline compare "$out/depth.asc" "${truth[@]}" --json >"$scratch/compare.json"
+python3 - "$scratch" "$out" "$(realpath --relative-to="$root" "$out/survey.lll")" <<'PYTHON'
+import json, pathlib, sys
+scratch, out = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
+compare = json.loads((scratch / "compare.json").read_text())
+vehicle = json.loads((out / "vehicle.json").read_text())
+topside = json.loads((out / "topside/receive.json").read_text())
+replay = json.loads((out / "replay/replay.json").read_text())
+cpu_s = sum(float(t) for t in (scratch / "cpu").read_text().split()[-2:])
+summary = {
+    "coverage": compare["coverage"],
+    "rmse_m": compare["rmse_m"],
+    "bias_m": compare["bias_m"],
+    "p95_m": compare["p95_m"],
+    "pings_per_s": round(vehicle["pings_mapped"] / cpu_s, 1),
+    "bytes_per_changed_cell": round(topside["bytes_per_changed_cell"], 4),
+    # Three computed it on their own: the vehicle, the topside, the replay.
+    "topside_equals_vehicle": topside["link_hash"] == vehicle["cells_hash"] == replay["link_hash"],
+    "log": sys.argv[3],
+}
+text = json.dumps(summary, indent=2)
+(out / "summary.json").write_text(text + "\n")
+print("\nsummary:", text)
+if not summary["topside_equals_vehicle"] or replay["same_as_flight"] is not True:
+    sys.exit("demo: topside, vehicle and replay do not agree")
+PYTHON
+
+for result in depth.png depth.tif difference.png table.txt summary.json survey.lll; do
   [ -s "$out/$result" ] || die "$result was not made"
 done
 say "done in $((SECONDS - start)) s; look at"
-ls "$out"/*.png "$out"/*.tif "$out/table.txt"
+ls "$out"/*.png "$out"/*.tif "$out/table.txt" "$out/summary.json"

@@ -34,9 +34,8 @@ using Clock = std::chrono::steady_clock;
 
 // Devices run in steps of this; what left them within one arrives at its end.
 constexpr base::TimeUs kStep_us = 1'000;
-// Lockstep: an instant is granted when bytes have waited this long, and at the latest after a cycle.
-constexpr base::TimeUs kGrantWithBytes_us = 5'000;
-constexpr base::TimeUs kGrantWithout_us = 20'000;
+// Lockstep: an instant is granted this often. The vehicle runs one cycle each.
+constexpr base::TimeUs kGrant_us = 20'000;
 // Pause of the loops that wait for the other end.
 constexpr int kPoll_ms = 20;
 constexpr const char* kTableName = "beam.llt";
@@ -103,12 +102,6 @@ class Ports {
   void queue(std::size_t port, const emu::Bytes& bytes) {
     lines_[port].waiting.insert(lines_[port].waiting.end(), bytes.begin(), bytes.end());
   }
-  /// Bytes are waiting that the vehicle was not granted yet.
-  [[nodiscard]] bool has_news() const {
-    return std::any_of(lines_.begin(), lines_.end(),
-                       [](const Line& line) { return !line.waiting.empty(); });
-  }
-
   /// Gives to the ports what waits. `keep`: bytes that a full line cannot take wait on; otherwise they are
   /// gone, as on a line that nobody listens to.
   void pump(bool keep) {
@@ -242,15 +235,13 @@ class LockstepFlight {
   void fly(base::TimeUs* now_us) {
     wait_for_vehicle();
     Progress progress("emulating", static_cast<std::uint64_t>(fleet_->t_end_us()));
-    base::TimeUs granted_us = 0;
+    step(*now_us);
     while (*now_us < fleet_->t_end_us() && !StopSignals::stopped()) {
       *now_us += kStep_us;
       run_devices(fleet_, ports_, *now_us);
-      const base::TimeUs due_us = ports_->has_news() ? kGrantWithBytes_us : kGrantWithout_us;
-      if (*now_us - granted_us >= due_us) {
-        granted_us = *now_us;
-        step(granted_us);
-        progress.update(static_cast<std::uint64_t>(granted_us));
+      if (*now_us % kGrant_us == 0) {
+        step(*now_us);
+        progress.update(static_cast<std::uint64_t>(*now_us));
       }
     }
     check(server_.finish(wait_ms_), "to take the end");

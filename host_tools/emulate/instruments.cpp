@@ -112,7 +112,7 @@ Heard Sounder::ping(std::int64_t time_us, double azimuth_deg, TouchedMask* touch
     last_.dropout = true;
   } else if (outlier) {
     last_.outlier = true;
-    last_.range_m = std::max(head_.min_range_m, outlier_share * *true_range_m);
+    last_.range_m = outlier_share * *true_range_m;
   } else {
     last_.range_m = std::max(0.0, *true_range_m + error_m);
   }

@@ -288,8 +288,8 @@ void check(const Mission& mission) {
 Mission default_mission() {
   Mission mission;
   mission.ground = preset_scenario("demo");
-  mission.heads = {altimeter("down", 0.0, 0.0), altimeter("port", -0.2, 25.0),
-                   altimeter("starboard", 0.2, -25.0)};
+  mission.heads = {altimeter("down", 0.0, 0.0), altimeter("port", -0.2, 15.0),
+                   altimeter("starboard", 0.2, -15.0)};
   return mission;
 }
 

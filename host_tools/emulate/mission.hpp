@@ -25,19 +25,19 @@ struct HeadSpec {
   HeadKind kind = HeadKind::kPing1d;
   Vec3 lever_arm_m;    ///< from the vehicle's reference point, body frame
   Attitude boresight;  ///< turns the head's frame into the body's
-  double beam_half_angle_deg = 5.0;
+  double beam_half_angle_deg = 12.5;
   double across_half_angle_deg = 0.0;  ///< see EchoSpec
-  double min_range_m = 0.5;
+  double min_range_m = 1.5;            ///< the head listens from here on
   double max_range_m = 20.0;
-  double interval_s = 0.05;  ///< between pings
+  double interval_s = 0.04;  ///< between pings
 };
 
 /// Errors of the sonar heads. Sigmas are one standard deviation.
 struct HeadErrors {
   double sigma_range_m = 0.04;
-  double outlier_fraction = 0.01;  ///< echoes of something between the head and the ground
-  double dropout_fraction = 0.02;  ///< echoes that are not heard
-  double misalignment_deg = 0.15;  ///< of every head about two axes, constant over the survey
+  double outlier_fraction = 0.002;  ///< echoes of something between the head and the ground
+  double dropout_fraction = 0.02;   ///< echoes that are not heard
+  double misalignment_deg = 0.15;   ///< of every head about two axes, constant over the survey
 };
 
 /// Rates and errors of the navigation sensors.
@@ -79,7 +79,8 @@ struct Mission {
   bool profile = false;             ///< heads send whole echoes, the vehicle detects
   double start_s = 3.0;             ///< the devices run this long before the vehicle sets out
   double settle_s = 12.0;           ///< after the survey the heads are off and the link catches up
-  std::uint32_t link_rate_bytes_s = 4000;
+  /// Slower than the map changes: changes wait, and go out many to a packet.
+  std::uint32_t link_rate_bytes_s = 200;
 };
 
 /// What `emulate` and `simulate` take alike.

@@ -24,15 +24,15 @@ struct MotionPlan {
   double north_m = 32.0;
   double west_m = 0.0;
   double east_m = 32.0;
-  double line_spacing_m = 3.2;  ///< the first line runs half of it from the west edge
+  double line_spacing_m = 2.0;  ///< the first line runs half of it from the west edge
   double run_out_m = 1.5;       ///< beyond the ends of a line before the turn begins
 
-  double altitude_m = 5.0;            ///< above the mean of the ground around
+  double altitude_m = 4.0;            ///< above the mean of the ground around
   double altitude_smoothing_m = 2.0;  ///< how far ahead and astern that mean reaches
 
   // What the vehicle can do.
-  double speed_m_s = 0.8;        ///< through the water, on a line
-  double turn_speed_m_s = 0.45;  ///< through the water, in a turn
+  double speed_m_s = 1.0;       ///< through the water, on a line
+  double turn_speed_m_s = 0.5;  ///< through the water, in a turn
   double acceleration_m_s2 = 0.2;
   double turn_rate_deg_s = 25.0;
   double turn_acceleration_deg_s2 = 30.0;

@@ -154,8 +154,8 @@ std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
   text += navigation_text(mission) + "\n";
   text += "[frame]\nlat = " + number_text(mission.navigation.latitude_deg) +
           "\nlon = " + number_text(mission.navigation.longitude_deg) + "\n\n";
-  // Depths of the tiles that changed most, a hundred a second: a survey line changes fewer.
-  text += "[cycle]\ntile_budget = 2\n\n";
+  // Depths of the tiles that changed most, fifty a second: a survey line changes fewer.
+  text += "[cycle]\ntile_budget = 1\n\n";
   for (const HeadSpec& head : mission.heads) {
     text += mount_text(head, links.table_path) + "\n";
   }
