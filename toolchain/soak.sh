@@ -62,7 +62,7 @@ search_worst_ping() {
 }
 
 map_again_and_again() {
-  "$leadline" simulate --out "$out/survey" || return 1
+  "$leadline" scene --out "$out/survey" || return 1
   python3 - "$leadline" "$out" $((minutes * 15)) <<'PYTHON'
 import json, os, subprocess, sys, time
 

@@ -170,6 +170,9 @@ void Receiver::take_hello(const proto::FrameView& frame) {
   status_.reset();
   vehicle_link_hash_.reset();
   resend_after_ = 0;
+  map_cells_ = 0;
+  cells_lost_ = cells_made_up_ = 0;
+  cells_lost_when_asked_.reset();
   const auto early = std::exchange(early_, {});
   for (const EarlyPacket& packet : early) {
     take_delta(packet.payload.data(), packet.payload.size(), packet.wire_bytes);
@@ -200,6 +203,7 @@ void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
     const DeltaOutcome outcome = store_->apply(delta);
     counters_.deltas += 1;
     counters_.delta_cells += static_cast<std::uint64_t>(delta.cell_count);
+    map_cells_ += static_cast<std::uint64_t>(delta.cell_count);
     counters_.repeated_cells += static_cast<std::uint64_t>(outcome.repeated_cells);
     counters_.outside_grid += outcome.outside ? 1U : 0U;
   }
@@ -214,7 +218,13 @@ void Receiver::take_status(const proto::FrameView& frame) {
     return;
   }
   counters_.statuses += 1;
+  const bool first = !status_;
   status_ = status.value();
+  cells_lost_ = status_->cells_sent - static_cast<std::uint32_t>(map_cells_);
+  if (first) {
+    // Who joins now misses whole tiles, or parts that their hashes tell of: no need to count.
+    cells_made_up_ = cells_lost_;
+  }
 }
 
 void Receiver::take_text(const proto::FrameView& frame) {
@@ -246,14 +256,38 @@ double Receiver::bytes_per_changed_cell() const {
 
 std::vector<ReceiverNotice> Receiver::take_notices() { return std::exchange(notices_, {}); }
 
-std::vector<std::uint8_t> Receiver::resend_request() {
-  if (!store_) {
-    return {};
-  }
+// The tiles to ask for now, if any.
+proto::ResendRequest Receiver::wanted() {
   proto::ResendRequest request = store_->missing(resend_after_);
   if (request.range_count == 0) {
     request = store_->missing(0);
   }
+  const bool quiet = status_ && status_->tiles_dirty == 0;
+  if (request.range_count > 0 || !quiet) {
+    return request;
+  }
+  if (store_->known_tiles() < status_->tiles_known) {
+    request = store_->unseen(resend_after_);
+    return request.range_count > 0 ? request : store_->unseen(0);
+  }
+  if (cells_lost_ == cells_made_up_) {
+    return request;
+  }
+  if (cells_lost_when_asked_ == cells_lost_) {
+    // Everything came again, and nothing was lost on the way.
+    cells_made_up_ = cells_lost_;
+    cells_lost_when_asked_.reset();
+    return request;
+  }
+  cells_lost_when_asked_ = cells_lost_;
+  return store_->everything();
+}
+
+std::vector<std::uint8_t> Receiver::resend_request() {
+  if (!store_) {
+    return {};
+  }
+  const proto::ResendRequest request = wanted();
   if (request.range_count == 0) {
     return {};
   }

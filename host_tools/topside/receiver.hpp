@@ -71,8 +71,10 @@ class Receiver {
 
   /// Texts of the vehicle and findings of the receiver since the last call.
   [[nodiscard]] std::vector<ReceiverNotice> take_notices();
-  /// The request frame for tiles that miss something, empty when none does; goes round all of them
-  /// from call to call.
+  /// The request frame for what is missing, empty when nothing is; goes round from call to call.
+  /// Missing are tiles whose hash says so; and, once a status tells that the vehicle has nothing more to
+  /// send, tiles that it knows and that never came (who joins late), and everything, when it has sent
+  /// more cells than came (the last word about a tile was lost: no hash tells).
   [[nodiscard]] std::vector<std::uint8_t> resend_request();
 
  private:
@@ -83,6 +85,7 @@ class Receiver {
   void take_text(const proto::FrameView& frame);
   void take_end(const proto::FrameView& frame);
   void notice(proto::Severity severity, std::string text);
+  [[nodiscard]] proto::ResendRequest wanted();
 
   std::optional<std::uint64_t> wanted_survey_;
   proto::FrameDecoderBuffer<> buffer_;
@@ -99,6 +102,12 @@ class Receiver {
   std::vector<EarlyPacket> early_;
   std::size_t wire_bytes_ = 0;  ///< of the frame under way
   std::uint32_t resend_after_ = 0;
+  // Cells that the vehicle sent less those that came, by its last status; what of it is made up for; and
+  // what it was when everything was asked for.
+  std::uint64_t map_cells_ = 0;  ///< cells that came for this map
+  std::uint32_t cells_lost_ = 0;
+  std::uint32_t cells_made_up_ = 0;
+  std::optional<std::uint32_t> cells_lost_when_asked_;
   bool foreign_noticed_ = false;
 };
 

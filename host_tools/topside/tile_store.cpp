@@ -112,11 +112,12 @@ std::uint32_t TileStore::tiles_incomplete() const {
   return count;
 }
 
-proto::ResendRequest TileStore::missing(std::uint32_t after) const {
+template <typename Wanted>
+proto::ResendRequest TileStore::request(std::uint32_t after, Wanted wanted) const {
   proto::ResendRequest request{};
   request.survey_tag = tag_;
   for (std::uint32_t id = after; id < tile_count(); ++id) {
-    if (tiles_[id].complete) {
+    if (!wanted(tiles_[id])) {
       continue;
     }
     if (request.range_count > 0) {
@@ -133,6 +134,18 @@ proto::ResendRequest TileStore::missing(std::uint32_t after) const {
     request.range_count += 1;
   }
   return request;
+}
+
+proto::ResendRequest TileStore::missing(std::uint32_t after) const {
+  return request(after, [](const Tile& tile) { return !tile.complete; });
+}
+
+proto::ResendRequest TileStore::unseen(std::uint32_t after) const {
+  return request(after, [](const Tile& tile) { return !tile.seen; });
+}
+
+proto::ResendRequest TileStore::everything() const {
+  return request(0, [](const Tile&) { return true; });
 }
 
 template <typename Value>

@@ -50,6 +50,10 @@ class TileStore {
   /// Up to proto::kMaxResendRanges ranges of such tiles, ascending; the first `after` tile numbers are
   /// passed over, so that a caller gets round all of them.
   [[nodiscard]] proto::ResendRequest missing(std::uint32_t after) const;
+  /// The same for tiles of which nothing has come yet.
+  [[nodiscard]] proto::ResendRequest unseen(std::uint32_t after) const;
+  /// All tiles of the grid.
+  [[nodiscard]] proto::ResendRequest everything() const;
 
   /// Metres up (minus depth), metres of one sigma; unknown cells have no value. O(grid).
   [[nodiscard]] Raster elevation() const;
@@ -65,6 +69,8 @@ class TileStore {
     std::uint32_t cell_generation[proto::kTileArea_cells] = {};
   };
 
+  template <typename Wanted>
+  [[nodiscard]] proto::ResendRequest request(std::uint32_t after, Wanted wanted) const;
   [[nodiscard]] bool fits(const proto::TileDelta& delta) const;
   template <typename Value>
   [[nodiscard]] Raster raster(Value value) const;

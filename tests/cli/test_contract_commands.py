@@ -37,7 +37,9 @@ class CommandLine(Case):
     def test_every_command_has_help_with_examples(self):
         listed = self.run_leadline("--help").stdout.split("Subcommands:")[1]
         names = re.findall(r"^  ([a-z]+) ", listed.split("\n\n")[0], re.MULTILINE)
-        self.assertEqual(sorted(names), ["compare", "grid", "map", "query", "render", "simulate", "table"])
+        self.assertEqual(sorted(names), [
+            "compare", "emulate", "export", "grid", "map", "query", "receive", "render", "replay", "scene",
+            "simulate", "table"])
         for name in names:
             done = self.expect(self.run_leadline(name, "--help"), OK)
             self.assertIn(f"leadline {name} ", done.stdout.split("Example")[1])
@@ -90,18 +92,27 @@ class OtherCommands(Case):
         self.expect(self.run_leadline("render", truth, "--view", "depth", "--out", "/dev/full"), OUTPUT,
                     "No space left")
 
-    def test_simulate_feeds_map_and_compare(self):
+    def test_scene_feeds_map_and_compare(self):
         survey = self.dir / "survey"
-        self.expect(self.run_leadline("simulate", "--preset", "plane_flat", "--out", survey), OK)
+        self.expect(self.run_leadline("scene", "--preset", "plane_flat", "--out", survey), OK)
         self.expect(self.run_leadline("map", "--pings", survey / "pings.csv", "--config",
                                       survey / "map.toml", "--out", self.out), OK)
         self.expect(self.run_leadline("compare", self.out / "depth.asc", survey / "truth.asc", "--mask",
                                       survey / "touched.asc", "--sigma", self.out / "sigma.asc",
                                       "--max-rmse-cells", 1, "--min-coverage", 0.9), OK)
-        self.expect(self.run_leadline("simulate", "--preset", "plane_flt", "--out", survey), USAGE,
+        self.expect(self.run_leadline("scene", "--preset", "plane_flt", "--out", survey), USAGE,
                     "plane_flat")
-        self.expect(self.run_leadline("simulate", "--terrain", "/nowhere.tif", "--out", survey), INPUT,
+        self.expect(self.run_leadline("scene", "--terrain", "/nowhere.tif", "--out", survey), INPUT,
                     "/nowhere.tif")
+
+    def test_simulate_with_a_preset_is_a_scene(self):
+        # As it was before scenes had a command of their own.
+        folders = [self.dir / name for name in ("old", "new")]
+        for command, folder in zip(("simulate", "scene"), folders):
+            self.expect(self.run_leadline(command, "--preset", "plane_flat", "--seed", 3, "--set",
+                                          "ping_count=200", "--out", folder), OK)
+        for name in ("pings.csv", "map.toml", "truth.asc", "touched.asc"):
+            self.assertEqual((folders[0] / name).read_bytes(), (folders[1] / name).read_bytes())
 
 
 class SavedModel(Case):

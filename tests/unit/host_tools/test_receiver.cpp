@@ -1,0 +1,397 @@
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "host_tools/exit_codes.hpp"
+#include "host_tools/topside/receiver.hpp"
+#include "proto/framing.hpp"
+#include "tests/support/test.hpp"
+
+namespace {
+
+using leadline::host::ExitCode;
+using leadline::host::HostError;
+using leadline::host::Receiver;
+using leadline::host::ReceiverNotice;
+using leadline::host::TileStore;
+using leadline::proto::CellMask;
+using leadline::proto::code_cell;
+using leadline::proto::CodedCell;
+using leadline::proto::Hello;
+using leadline::proto::kTileArea_cells;
+using leadline::test::Random;
+
+using Bytes = std::vector<std::uint8_t>;
+
+Bytes frame(const std::uint8_t* payload, std::size_t size) {
+  Bytes bytes(leadline::proto::frame_bound_bytes(size));
+  const auto written = leadline::proto::encode_frame(payload, size, bytes.data(), bytes.size());
+  assert_true(written.ok());
+  bytes.resize(written.value());
+  return bytes;
+}
+
+Hello grid_hello(std::uint64_t survey = 11, std::uint32_t session = 1) {
+  Hello hello{};
+  hello.protocol_major = leadline::proto::kProtocolMajor;
+  hello.protocol_minor = leadline::proto::kProtocolMinor;
+  hello.tile_side_cells = leadline::proto::kTileSide_cells;
+  hello.schema_hash = leadline::proto::schema_hash();
+  hello.survey_id = survey;
+  hello.session = session;
+  hello.cell_mm = 1000;
+  hello.size_cells[0] = hello.size_cells[1] = 64;
+  hello.size_cells[2] = 32;
+  return hello;
+}
+
+Bytes hello_frame(const Hello& hello) {
+  std::uint8_t payload[leadline::proto::kMaxHello_bytes];
+  const auto size = encode_hello(hello, payload, sizeof payload);
+  assert_true(size.ok());
+  return frame(payload, size.value());
+}
+
+/// A vehicle's map that changes and tells it, a packet per change.
+class Speaker {
+ public:
+  explicit Speaker(const Hello& hello)
+      : tag_(leadline::proto::survey_tag(hello.survey_id, hello.session)), tiles_(16) {}
+
+  Bytes change(std::uint32_t tile, Random* random) {
+    Tile& mine = tiles_[tile];
+    leadline::proto::TileUpdate update{};
+    for (int k = 0; k < 20; ++k) {
+      const int cell = static_cast<int>(random->between(0, kTileArea_cells - 1));
+      mine.cells[cell] = code_cell(static_cast<std::int32_t>(random->between(100, 8000)), 1024, 0);
+      update.changed.set(cell);
+    }
+    mine.generation += 1;
+    return say(tile, update.changed);
+  }
+  /// All of a tile, as after a resend request.
+  Bytes repeat(std::uint32_t tile) {
+    CellMask all{};
+    for (int k = 0; k < kTileArea_cells; ++k) {
+      if (tiles_[tile].cells[k] != 0) {
+        all.set(k);
+      }
+    }
+    return say(tile, all);
+  }
+  [[nodiscard]] std::uint64_t hash() const {
+    std::uint64_t hash = leadline::proto::kFnvOffset;
+    for (const Tile& tile : tiles_) {
+      hash = leadline::proto::add_tile_hash(hash, leadline::proto::tile_hash(tile.cells));
+    }
+    return hash;
+  }
+
+ private:
+  struct Tile {
+    std::uint32_t generation = 0;
+    CodedCell cells[kTileArea_cells] = {};
+  };
+
+  Bytes say(std::uint32_t tile, const CellMask& changed) {
+    std::uint8_t payload[1400];
+    CellMask taken{};
+    const auto size =
+        leadline::proto::encode_tile({tile, tiles_[tile].generation, tiles_[tile].cells, changed},
+                                     tag_, payload, sizeof payload, taken);
+    assert_true(size.ok());
+    return frame(payload, size.value());
+  }
+
+  std::uint16_t tag_;
+  std::vector<Tile> tiles_;
+};
+
+void feed(Receiver* receiver, const Bytes& bytes) { receiver->feed(bytes.data(), bytes.size()); }
+
+std::string notices(Receiver* receiver) {
+  std::string text;
+  for (const ReceiverNotice& notice : receiver->take_notices()) {
+    text += notice.text + "\n";
+  }
+  return text;
+}
+
+TEST(a_clean_link_gives_the_vehicles_map) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  assert_true(receiver.store() == nullptr);
+  feed(&receiver, hello_frame(grid_hello()));
+  std::size_t bytes = 0;
+  for (int k = 0; k < 100; ++k) {
+    const Bytes packet = vehicle.change(static_cast<std::uint32_t>(random.between(0, 15)), &random);
+    bytes += packet.size();
+    // In pieces: a serial line knows no frames.
+    const auto cut = static_cast<std::ptrdiff_t>(random.between(0, 20));
+    const auto middle =
+        packet.begin() + std::min<std::ptrdiff_t>(cut, static_cast<std::ptrdiff_t>(packet.size()));
+    feed(&receiver, Bytes(packet.begin(), middle));
+    feed(&receiver, Bytes(middle, packet.end()));
+  }
+  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_int_equal(receiver.store()->tiles_incomplete(), 0);
+  assert_int_equal(receiver.counters().deltas, 100);
+  assert_int_equal(receiver.counters().delta_bytes, bytes);
+  assert_near(receiver.bytes_per_changed_cell(),
+              static_cast<double>(bytes) / static_cast<double>(receiver.counters().delta_cells),
+              1e-12);
+}
+
+// Frames lost, repeated, swapped, with bytes changed: nothing wrong gets in, and what is missing is asked
+// for.
+TEST(a_bad_link_never_gives_a_wrong_cell_and_heals_on_request) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  feed(&receiver, hello_frame(grid_hello()));
+  std::vector<Bytes> packets;
+  for (int k = 0; k < 400; ++k) {
+    packets.push_back(vehicle.change(static_cast<std::uint32_t>(random.between(0, 15)), &random));
+  }
+  for (std::size_t k = 0; k < packets.size(); ++k) {
+    const std::int64_t fate = random.between(0, 9);
+    if (fate == 0) {
+      continue;
+    }
+    if (fate == 1 && k > 0) {
+      feed(&receiver, packets[k - 1]);
+    }
+    if (fate == 2 && k + 1 < packets.size()) {
+      std::swap(packets[k], packets[k + 1]);
+    }
+    if (fate == 3) {
+      Bytes broken = packets[k];
+      broken[static_cast<std::size_t>(
+          random.between(0, static_cast<std::int64_t>(broken.size()) - 1))] ^=
+          static_cast<std::uint8_t>(random.between(1, 255));
+      feed(&receiver, broken);
+      continue;
+    }
+    if (fate == 4) {
+      feed(&receiver, Bytes(packets[k].begin(), packets[k].begin() + 5));
+      continue;
+    }
+    feed(&receiver, packets[k]);
+  }
+  assert_true(receiver.counters().damaged_frames > 0);
+  assert_true(receiver.store()->tiles_incomplete() > 0);
+  // Ask, and answer, until there is nothing to ask for.
+  for (int round = 0; round < 20 && !receiver.resend_request().empty(); ++round) {
+    for (std::uint32_t tile = 0; tile < 16; ++tile) {
+      feed(&receiver, vehicle.repeat(tile));
+    }
+  }
+  assert_int_equal(receiver.store()->tiles_incomplete(), 0);
+  // Tiles whose last packets were all lost look complete: a whole repetition brings them too.
+  for (std::uint32_t tile = 0; tile < 16; ++tile) {
+    feed(&receiver, vehicle.repeat(tile));
+  }
+  assert_true(receiver.store()->link_hash() == vehicle.hash());
+}
+
+TEST(a_resend_request_names_the_tiles) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  feed(&receiver, hello_frame(grid_hello()));
+  (void)vehicle.change(9, &random);
+  feed(&receiver, vehicle.change(9, &random));
+  const Bytes request = receiver.resend_request();
+  leadline::proto::FrameDecoderBuffer<> buffer;
+  leadline::proto::FrameView view{};
+  std::size_t used = 0;
+  assert_true(buffer.decoder().feed(request.data(), request.size(), used, view));
+  const auto decoded = leadline::proto::decode_resend_request(view.payload, view.payload_bytes);
+  assert_true(decoded.ok());
+  assert_int_equal(decoded.value().range_count, 1);
+  assert_int_equal(decoded.value().ranges[0].first, 9);
+}
+
+Bytes status_frame(std::uint32_t tiles_known, std::uint32_t tiles_dirty, std::uint64_t cells_sent) {
+  leadline::proto::Status status{};
+  status.tiles_known = tiles_known;
+  status.tiles_dirty = tiles_dirty;
+  status.cells_sent = static_cast<std::uint32_t>(cells_sent);
+  std::uint8_t payload[leadline::proto::kMaxStatus_bytes];
+  const auto size = encode_status(status, payload, sizeof payload);
+  assert_true(size.ok());
+  return frame(payload, size.value());
+}
+
+std::vector<leadline::proto::TileRange> asked_for(Receiver* receiver) {
+  const Bytes request = receiver->resend_request();
+  leadline::proto::FrameDecoderBuffer<> buffer;
+  leadline::proto::FrameView view{};
+  std::size_t used = 0;
+  if (request.empty() || !buffer.decoder().feed(request.data(), request.size(), used, view)) {
+    return {};
+  }
+  const auto decoded = leadline::proto::decode_resend_request(view.payload, view.payload_bytes);
+  assert_true(decoded.ok());
+  return {decoded.value().ranges, decoded.value().ranges + decoded.value().range_count};
+}
+
+TEST(who_joins_late_asks_for_what_never_came_once_the_vehicle_is_quiet) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  (void)vehicle.change(2, &random);
+  (void)vehicle.change(3, &random);
+  feed(&receiver, hello_frame(grid_hello()));
+  feed(&receiver, vehicle.change(5, &random));
+  feed(&receiver, status_frame(3, 1, 500));
+  assert_true(asked_for(&receiver).empty());  // more is coming by itself
+  feed(&receiver, status_frame(3, 0, 500));
+  const auto ranges = asked_for(&receiver);
+  assert_int_equal(ranges.size(), 2);
+  assert_int_equal(ranges[0].first, 0);
+  assert_int_equal(ranges[0].count, 5);
+  assert_int_equal(ranges[1].first, 6);
+  const std::uint64_t before = receiver.counters().delta_cells;
+  feed(&receiver, vehicle.repeat(2));
+  feed(&receiver, vehicle.repeat(3));
+  feed(&receiver, status_frame(3, 0, 500 + receiver.counters().delta_cells - before));
+  assert_true(asked_for(&receiver).empty());
+  assert_true(receiver.store()->link_hash() == vehicle.hash());
+}
+
+TEST(a_lost_last_word_is_found_by_counting_cells) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  feed(&receiver, hello_frame(grid_hello()));
+  feed(&receiver, status_frame(0, 0, 0));
+  feed(&receiver, vehicle.change(5, &random));
+  (void)vehicle.change(5, &random);  // lost, and nothing follows: every tile looks complete
+  const std::uint64_t came = receiver.counters().delta_cells;
+  feed(&receiver, status_frame(1, 0, came + 17));
+  assert_int_equal(receiver.store()->tiles_incomplete(), 0);
+  assert_true(receiver.store()->link_hash() != vehicle.hash());
+  const auto ranges = asked_for(&receiver);
+  assert_int_equal(ranges.size(), 1);
+  assert_int_equal(ranges[0].count, 16);
+  feed(&receiver, vehicle.repeat(5));
+  const std::uint64_t again = receiver.counters().delta_cells - came;
+  feed(&receiver, status_frame(1, 0, came + 17 + again));
+  assert_true(asked_for(&receiver).empty());
+  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  // Once is enough.
+  feed(&receiver, status_frame(1, 0, came + 17 + again));
+  assert_true(asked_for(&receiver).empty());
+}
+
+TEST(who_joins_late_keeps_what_comes_before_the_hello) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  for (int k = 0; k < 50; ++k) {
+    feed(&receiver, vehicle.change(static_cast<std::uint32_t>(k % 16), &random));
+  }
+  assert_true(receiver.store() == nullptr);
+  feed(&receiver, hello_frame(grid_hello()));
+  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_int_equal(receiver.counters().before_hello, 0);
+}
+
+TEST(another_major_version_is_refused_with_advice) {
+  Bytes payload(200, 0);
+  payload[0] = static_cast<std::uint8_t>(leadline::proto::MessageType::kHello);
+  payload[1] = leadline::proto::kProtocolMajor + 1;
+  Receiver receiver;
+  try {
+    feed(&receiver, frame(payload.data(), payload.size()));
+    fail_msg("taken");
+  } catch (const HostError& error) {
+    assert_int_equal(static_cast<int>(error.code()), static_cast<int>(ExitCode::kInput));
+    const std::string text = error.what();
+    assert_true(text.find("version 2") != std::string::npos);
+    assert_true(text.find("use the leadline") != std::string::npos);
+  }
+}
+
+TEST(a_new_session_begins_a_new_map_and_hands_over_the_old) {
+  Random random;
+  Receiver receiver;
+  std::uint64_t ended_cells = 0;
+  receiver.on_replaced = [&](const TileStore& ended) { ended_cells = ended.known_cells(); };
+  Speaker first(grid_hello(11, 1));
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  feed(&receiver, first.change(0, &random));
+  const std::uint64_t known = receiver.store()->known_cells();
+  assert_true(known > 0);
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  assert_int_equal(ended_cells, 0);
+  feed(&receiver, hello_frame(grid_hello(11, 2)));
+  assert_int_equal(ended_cells, known);
+  assert_int_equal(receiver.store()->known_cells(), 0);
+  assert_true(notices(&receiver).find("a new map begins") != std::string::npos);
+  // Stragglers of the session before.
+  feed(&receiver, first.change(1, &random));
+  assert_int_equal(receiver.counters().other_surveys, 1);
+  assert_int_equal(receiver.store()->known_cells(), 0);
+}
+
+TEST(a_survey_that_was_not_asked_for_is_passed_over) {
+  Random random;
+  Receiver receiver(std::uint64_t{42});
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  assert_true(receiver.store() == nullptr);
+  assert_true(notices(&receiver).find("passed over") != std::string::npos);
+  feed(&receiver, hello_frame(grid_hello(42, 1)));
+  assert_true(receiver.store() != nullptr);
+  Speaker foreign(grid_hello(11, 1));
+  feed(&receiver, foreign.change(0, &random));
+  assert_int_equal(receiver.counters().other_surveys, 1);
+}
+
+TEST(garbage_is_counted_and_nothing_else) {
+  Random random;
+  Receiver receiver;
+  Bytes noise(100'000);
+  for (std::uint8_t& byte : noise) {
+    byte = static_cast<std::uint8_t>(random.between(0, 255));
+  }
+  feed(&receiver, noise);
+  assert_true(receiver.store() == nullptr);
+  assert_int_equal(receiver.counters().bytes, 100'000);
+  assert_true(receiver.counters().damaged_frames > 100);
+  // Right frames, senseless payloads.
+  for (int type = 0; type < 256; ++type) {
+    const std::uint8_t payload[3] = {static_cast<std::uint8_t>(type), 1, 0};
+    try {
+      feed(&receiver, frame(payload, sizeof payload));
+    } catch (const HostError&) {
+      fail_msg("type %d", type);
+    }
+  }
+  assert_true(receiver.store() == nullptr);
+  assert_true(receiver.counters().unknown_types > 200);
+  assert_true(receiver.counters().malformed >= 3);
+}
+
+TEST(texts_and_alarms_come_in_words) {
+  Receiver receiver;
+  const auto text = leadline::proto::make_text(5, leadline::proto::Severity::kWarning, "No pose");
+  std::uint8_t payload[300];
+  const auto size = encode_text(text, payload, sizeof payload);
+  feed(&receiver, frame(payload, size.value()));
+  const auto said = receiver.take_notices();
+  assert_int_equal(said.size(), 1);
+  assert_true(said[0].text == "No pose");
+  assert_true(said[0].severity == leadline::proto::Severity::kWarning);
+  assert_true(receiver.take_notices().empty());
+  assert_true(leadline::host::alarm_text(0).empty());
+  assert_true(leadline::host::alarm_text(leadline::proto::kAlarmMappingPaused |
+                                         leadline::proto::kAlarmNoPose) ==
+              "mapping paused, no pose");
+  assert_true(leadline::host::alarm_text(1U << 30U) == "alarm 30");
+}
+
+}  // namespace
