@@ -532,8 +532,9 @@ Model::RowTotals Model::add_shell_row(const ShellEvent& event, const ShellContex
   std::int32_t e = event.east0;
   while (e <= east1) {
     const std::uint32_t base = grid_.column_index(n, e & ~(kTileCells - 1));
-    Voxel* voxels = grid_.column_voxels(base) + (e & (kTileCells - 1)) * shell.depth_cells;
-    ColumnRecord* record = &grid_.column(base) + (e & (kTileCells - 1));
+    const std::uint32_t first = base + static_cast<std::uint32_t>(e & (kTileCells - 1));
+    Voxel* voxels = grid_.column_voxels(first);
+    ColumnRecord* record = &grid_.column(first);
     const std::int32_t end = min_of(e | (kTileCells - 1), east1);
     const std::uint32_t columns_before = totals.columns;
     const TileId tile = grid_.tile_of(n, e);

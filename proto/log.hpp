@@ -167,7 +167,7 @@ class LogWriter {
   std::uint8_t* out_;
   std::size_t capacity_bytes_;
   std::size_t size_bytes_ = 0;
-  std::uint8_t payload_[kMaxPayload_bytes];
+  std::uint8_t payload_[kMaxPayload_bytes] = {};
 };
 
 /// Bytes that LogWriter needs at most for a blob of that size.

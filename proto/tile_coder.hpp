@@ -166,7 +166,7 @@ class TilePacketDecoder {
   base::Status status_ = base::Status::kNotReady;
   RangeDecoder coder_;
   PacketMemory memory_;
-  TileModel model_;
+  TileModel model_{};
 };
 
 }  // namespace leadline::proto

@@ -46,6 +46,7 @@ inline constexpr int kTouchNeighbours = 4;  ///< the first of them touch it
 template <typename Coder>
 class TileWalk {
  public:
+  // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): errors are filled in right here
   TileWalk(Coder& coder, TileModel& model, PacketMemory& memory)
       : coder_(coder), model_(model), memory_(memory) {
     error_q8_.fill(kNoError);

@@ -30,7 +30,81 @@ constexpr std::array<std::int32_t, kSineSteps + 2> make_sine_table() {
 
 constexpr auto kSineTable = make_sine_table();
 
+// Starting values for the square root: sqrt of the middle of [i, i+1) * 2^24, for i in 64..255.
+constexpr std::array<std::uint16_t, 256> make_sqrt_table() {
+  std::array<std::uint16_t, 256> table{};
+  for (std::uint32_t i = 0; i < 256; ++i) {
+    const std::uint64_t target = (static_cast<std::uint64_t>(i) << 24U) + (1ULL << 23U);
+    std::uint64_t root = 0;
+    for (std::uint64_t bit = 1ULL << 16U; bit != 0; bit >>= 1U) {
+      if ((root + bit) * (root + bit) <= target) {
+        root += bit;
+      }
+    }
+    table[i] = static_cast<std::uint16_t>(root > 0xFFFF ? 0xFFFF : root);
+  }
+  return table;
+}
+
+constexpr auto kSqrtTable = make_sqrt_table();
+
 }  // namespace
+
+std::uint32_t sqrt_u32(std::uint32_t value) {
+  if (value == 0) {
+    return 0;
+  }
+  const int shift = leading_zeros(value) & ~1;  // even, so that the root shifts by half of it
+  const std::uint32_t x = value << static_cast<unsigned>(shift);
+  std::uint32_t root = kSqrtTable[x >> 24U];
+  // The step rounds the largest arguments up to 2^16: kept to 16 bits, so that sqrt_u64 can shift it.
+  root = min_of<std::uint32_t>((root + x / root) >> 1U, 0xFFFFU);
+  return root >> static_cast<unsigned>(shift / 2);
+}
+
+std::uint32_t sqrt_u64(std::uint64_t value) {
+  if ((value >> 32U) == 0) {
+    return sqrt_u32(static_cast<std::uint32_t>(value));
+  }
+  const int shift = (33 - leading_zeros64(value)) & ~1;  // brings the value below 2^32, even
+  return sqrt_u32(static_cast<std::uint32_t>(value >> static_cast<unsigned>(shift)))
+         << static_cast<unsigned>(shift / 2);
+}
+
+std::int32_t ratio(std::int64_t numerator, std::int64_t denominator, int shift) {
+  if (denominator <= 0) {
+    return 0;
+  }
+  const bool negative = numerator < 0;
+  std::uint64_t n =
+      negative ? 0 - static_cast<std::uint64_t>(numerator) : static_cast<std::uint64_t>(numerator);
+  if (n == 0) {
+    return 0;  // no leading bit to align by
+  }
+  auto d = static_cast<std::uint64_t>(denominator);
+  // Bring the denominator to at most 32 bits and the numerator as high as it goes: then one division.
+  const int lower = 32 - leading_zeros64(d);
+  if (lower > 0) {
+    d >>= static_cast<unsigned>(lower);
+    shift -= lower;
+  }
+  const int room = leading_zeros64(n);
+  int up = min_of(shift, room);
+  if (shift < 0) {
+    up = 0;
+    n = shift > -64 ? n >> static_cast<unsigned>(-shift) : 0;
+    shift = 0;
+  }
+  n <<= static_cast<unsigned>(up);
+  std::uint64_t q = n / d;
+  const int rest = shift - up;
+  if (rest > 0) {
+    q = rest >= leading_zeros64(q) ? 0x7FFFFFFFFFFFFFFFULL : q << static_cast<unsigned>(rest);
+  }
+  const std::uint64_t limit = 0x7FFFFFFFULL;
+  const auto magnitude = static_cast<std::int32_t>(q > limit ? limit : q);
+  return negative ? -magnitude : magnitude;
+}
 
 std::int32_t sin_q30(Bam32 angle_bam32) {
   // Fold into the first quadrant: bit 31 is the sign, bit 30 mirrors.

@@ -55,7 +55,7 @@ TEST(a_clean_echo_is_found_where_its_fraction_arrives) {
   for (const int fraction : {1311, 6554, 32768, 58982}) {
     for (int i = 0; i < 300; ++i) {
       const Echo echo{1e6 + 20e6 * random.uniform(), 30'000.0 + 300'000.0 * random.uniform(),
-                      200'000};
+                      100'000};
       const auto bins = heard({echo}, 1200, 20, 0, random);
       const EchoDetection found =
           detect_echo(profile_of(bins),
@@ -66,7 +66,7 @@ TEST(a_clean_echo_is_found_where_its_fraction_arrives) {
       const double tail = fraction > 50'000 ? 0.1 * echo.length_um : 0.0;
       assert_near(static_cast<double>(found.range_um), echo.arrival_um(fraction / 65536.0),
                   0.75 * kBin_um + tail + 0.005 * echo.length_um);
-      assert_near(static_cast<double>(found.energy_q8) / 256.0, 200'000, 4'000);
+      assert_near(static_cast<double>(found.energy_q8) / 256.0, 100'000, 2'000);
       assert_true(found.quality > 200);
     }
   }

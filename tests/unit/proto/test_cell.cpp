@@ -101,6 +101,36 @@ TEST(a_trembling_value_is_sent_once) {
   assert_int_equal(code_cell_near(kUnknownCell, 3200, 1024, 0), kept);
 }
 
+/// Mean of (coded - true)^2 / sigma^2, sigma that of the code, over depths that wander; `keep`: coded as the
+/// receiver's cell is kept.
+double added_variance(int code, bool keep) {
+  Random random(static_cast<std::uint64_t>(code));
+  const std::uint32_t sigma_q12 = cell_sigma_q12(static_cast<CodedCell>(code + 1));
+  const double sigma_q8 = sigma_q12 / 16.0;
+  double sum = 0;
+  CodedCell kept = kUnknownCell;
+  std::int32_t depth_q8 = 200'000;
+  constexpr int kSamples = 200'000;
+  for (int i = 0; i < kSamples; ++i) {
+    depth_q8 += static_cast<std::int32_t>(random.between(-20, 20));
+    kept = keep ? code_cell_near(kept, depth_q8, sigma_q12, 0) : code_cell(depth_q8, sigma_q12, 0);
+    const double error = (cell_depth_q8(kept) - depth_q8) / sigma_q8;
+    sum += error * error / kSamples;
+  }
+  return sum;
+}
+
+TEST(coarsening_adds_as_much_noise_as_stated) {
+  // README.md: step^2 / 12, where step is sigma / 2 or sigma / 2.83; kept cells at most 2.25 times that.
+  for (int code = 8; code < 14; ++code) {
+    const double step_by_sigma = code % 2 == 0 ? 0.5 : 0.5 / std::sqrt(2.0);
+    const double stated = step_by_sigma * step_by_sigma / 12.0;
+    assert_near(added_variance(code, false), stated, 0.05 * stated);
+    const double kept = added_variance(code, true);
+    assert_true(kept > stated && kept < 2.25 * stated);
+  }
+}
+
 TEST(a_value_that_stands_still_stops_changing) {
   Random random(3);
   for (int i = 0; i < 2000; ++i) {
