@@ -20,8 +20,10 @@ constexpr std::int64_t kBamPerUrad_q20 = 716'770'142;
 constexpr std::int32_t kGate_q8 = 5 * 256;
 constexpr std::int64_t kStartSpeed_um_s = 2'000'000;
 constexpr std::int64_t kStartTurn_urad_s = 500'000;
-// Fixes that move by more than so many of their sigmas at one update begin a new epoch.
+// A measurement that moves the position by more than so many of its sigmas, after a gap of so long, begins a
+// new epoch.
 constexpr std::int64_t kJumpSigmas = 4;
+constexpr TimeUs kLongGap_us = 10'000'000;
 // Refused measurements agree when they lie this close: sigmas, and what a vehicle moves in between.
 constexpr std::int64_t kAgreeSigmas = 6;
 constexpr std::int64_t kAgree_um = 3'000'000;
@@ -303,9 +305,11 @@ void Navigator::merge_position(KalmanCv* axes, int axis_count, const std::int64_
     for (int i = 0; i < axis_count; ++i) {
       axes[i] = merged[i];
     }
+    const bool gap = rejects.fused_us != kNever_us && t_us - rejects.fused_us > kLongGap_us;
     rejects.count = 0;
+    rejects.fused_us = t_us;
     ++counters_.fused;
-    if (moved) {
+    if (moved && gap) {
       begin_epoch();
     }
     return;
@@ -327,6 +331,7 @@ void Navigator::merge_position(KalmanCv* axes, int axis_count, const std::int64_
     axes[i].predict(newest_us_);
   }
   rejects.count = 0;
+  rejects.fused_us = t_us;
   begin_epoch();
 }
 

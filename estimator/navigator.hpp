@@ -88,10 +88,12 @@ class Navigator {
   [[nodiscard]] std::uint16_t epoch() const { return epoch_; }
 
  private:
-  /// Several refused measurements that agree with each other.
+  static constexpr base::TimeUs kNever_us = INT64_MIN;
+  /// One kind of measurement: when it was merged last, and those refused since that agree with each other.
   struct Rejects {
     std::uint32_t count = 0;
     std::int64_t last[2] = {0, 0};
+    base::TimeUs fused_us = kNever_us;
   };
 
   void reset_state();

@@ -71,6 +71,11 @@ emu::Ping1dEcho echo_at(const emu::Ping1dShot& shot, const RigOptions& options) 
   emu::Ping1dEcho echo;
   echo.two_way_ns = static_cast<std::int64_t>(2e9 * range / kSound_m_s);
   echo.confidence_percent = 95;
+  const bool silent = t > options.echo_until_s;
+  if (silent) {
+    echo.two_way_ns = 0;
+    echo.confidence_percent = 0;
+  }
   if (shot.samples > 0) {
     echo.intensity.assign(static_cast<std::size_t>(shot.samples), 3);
     const double per_sample =
@@ -78,7 +83,7 @@ emu::Ping1dEcho echo_at(const emu::Ping1dShot& shot, const RigOptions& options) 
     const auto bin = static_cast<std::int64_t>(
         (static_cast<double>(echo.two_way_ns - shot.listen_from_ns)) / per_sample);
     for (std::int64_t i = bin; i < bin + 3; ++i) {
-      if (i >= 0 && i < shot.samples) {
+      if (!silent && i >= 0 && i < shot.samples) {
         echo.intensity[static_cast<std::size_t>(i)] = 120;
       }
     }
@@ -94,10 +99,9 @@ emu::NmeaTalkerConfig talker_config() {
   return config;
 }
 
-emu::NmeaTalkerConfig silent_config(const RigOptions& options, bool attitude) {
+emu::NmeaTalkerConfig silent_config(bool attitude) {
   emu::NmeaTalkerConfig config = talker_config();
   config.schedule.erase(config.schedule.begin() + (attitude ? 0 : 1));
-  static_cast<void>(options);
   return config;
 }
 
@@ -208,8 +212,8 @@ Recording fly(Vehicle& vehicle, const RigOptions& options, const Sink& sink) {
                             [&](const emu::Ping1dShot& shot) { return echo_at(shot, options); });
   const auto measure = [&](TimeUs t_us) { return truth_at(t_us, options); };
   emu::NmeaTalker all(talker_config(), measure);
-  emu::NmeaTalker without_attitude(silent_config(options, true), measure);
-  emu::NmeaTalker without_fix(silent_config(options, false), measure);
+  emu::NmeaTalker without_attitude(silent_config(true), measure);
+  emu::NmeaTalker without_fix(silent_config(false), measure);
   const auto end_us = static_cast<TimeUs>(options.seconds * 1e6);
   Recording recording;
   for (TimeUs t_us = options.cycle_us; t_us <= end_us; t_us += options.cycle_us) {

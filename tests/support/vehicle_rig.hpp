@@ -48,7 +48,7 @@ struct RigOptions {
   double seconds = 40.0;
   double speed_m_s = 1.5;
   double roll_deg = 4.0;          ///< amplitude, 5 s period
-  bool profile = false;           ///< intensities instead of the head's own range
+  double echo_until_s = 1e9;      ///< nothing but noise comes back afterwards
   double attitude_until_s = 1e9;  ///< silent afterwards
   double fix_until_s = 1e9;
   double jump_at_s = 1e9;  ///< the position fixes move by 60 m north

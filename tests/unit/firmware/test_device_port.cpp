@@ -1,0 +1,108 @@
+// One port of each driver: its codec's records, requests and rejections come through.
+#include <vector>
+
+#include "firmware/pipeline/device_port.hpp"
+#include "hal/emu/emulated_ping360.hpp"
+#include "hal/emu/nmea_talker.hpp"
+#include "tests/support/test.hpp"
+
+namespace {
+
+using leadline::base::TimeUs;
+using leadline::emu::Bytes;
+using leadline::emu::EmulatedPing360;
+using leadline::emu::EmulatedPing360Config;
+using leadline::firmware::DevicePort;
+using leadline::firmware::DeviceRecord;
+using leadline::firmware::Driver;
+using leadline::firmware::PortConfig;
+using leadline::firmware::RecordKind;
+
+DevicePort port;
+
+PortConfig config_of(Driver driver) {
+  PortConfig config{};
+  config.driver = driver;
+  config.mount = 3;
+  config.min_range_um = 750'000;
+  config.max_range_um = 10'000'000;
+  config.scan_first_grad = 150;
+  config.scan_last_grad = 250;
+  config.scan_step_grad = 2;
+  config.ping_interval_us = 50'000;
+  return config;
+}
+
+TEST(a_scanning_head_sweeps_its_sector) {
+  port.configure(config_of(Driver::kPing360), 1'480'000);
+  EmulatedPing360 head(EmulatedPing360Config{}, [](const leadline::emu::Ping360Shot& shot) {
+    return Bytes(static_cast<std::size_t>(shot.samples), 9);
+  });
+  int pings = 0;
+  std::uint8_t request[256];
+  for (TimeUs t = 0; t < 20'000'000; t += 5'000) {
+    Bytes bytes;
+    head.advance(t, bytes);
+    DeviceRecord record{};
+    for (const std::uint8_t byte : bytes) {
+      for (RecordKind kind = port.feed(byte, t, record); kind != RecordKind::kNone;
+           kind = port.next(record)) {
+        assert_int_equal(kind, RecordKind::kPing);
+        assert_int_equal(record.ping.mount, 3);
+        assert_int_equal(record.ping.kind, leadline::base::ReturnKind::kProfile);
+        assert_true(record.ping.profile.first_bin_um >= 750'000);
+        // 150 .. 250 gradians are a quarter turn about forward.
+        assert_true(std::abs(static_cast<std::int32_t>(record.ping.azimuth_bam32)) <= (1 << 29));
+        ++pings;
+      }
+    }
+    const std::size_t size = port.request(t, request, sizeof(request));
+    if (size != 0) {
+      head.take(t, request, size);
+    }
+  }
+  assert_true(pings > 50);
+  assert_int_equal(port.rejected(), 0);
+  // The frame's first bytes and nonsense behind them.
+  DeviceRecord record{};
+  for (const int byte : {0x42, 0x52, 0x01, 0x00, 0xFC, 0x08, 0x02, 0x00, 0x00, 0x00, 0x00}) {
+    assert_int_equal(port.feed(static_cast<std::uint8_t>(byte), 21'000'000, record),
+                     RecordKind::kNone);
+  }
+  assert_true(port.rejected() > 0);
+}
+
+TEST(sensors_only_talk) {
+  port.configure(config_of(Driver::kNmea), 1'500'000);
+  leadline::emu::NmeaTruth truth;
+  truth.heading_deg = 90;
+  const std::string sentence =
+      leadline::emu::nmea_sentence(leadline::emu::NmeaKind::kHdt, truth) + "$GPHDT,1.0,T*00\r\n";
+  DeviceRecord record{};
+  int samples = 0;
+  for (const char c : sentence) {
+    const RecordKind kind = port.feed(static_cast<std::uint8_t>(c), 5, record);
+    samples += kind == RecordKind::kSample ? 1 : 0;
+    assert_int_equal(port.next(record), RecordKind::kNone);
+  }
+  assert_int_equal(samples, 1);
+  assert_int_equal(record.sample.attitude.heading_bam32, 0x40000000);
+  assert_int_equal(port.rejected(), 1);
+  std::uint8_t request[64];
+  assert_int_equal(port.request(10, request, sizeof(request)), 0);
+}
+
+TEST(a_port_without_a_driver_is_deaf_and_dumb) {
+  port.configure(PortConfig{}, 1'500'000);
+  assert_int_equal(port.driver(), Driver::kNone);
+  DeviceRecord record{};
+  std::uint8_t request[64];
+  for (int byte = 0; byte < 256; ++byte) {
+    assert_int_equal(port.feed(static_cast<std::uint8_t>(byte), 0, record), RecordKind::kNone);
+  }
+  assert_int_equal(port.next(record), RecordKind::kNone);
+  assert_int_equal(port.request(0, request, sizeof(request)), 0);
+  assert_int_equal(port.rejected(), 0);
+}
+
+}  // namespace
