@@ -25,13 +25,6 @@ double cpu_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-std::string hex(std::uint64_t value, std::size_t digits) {
-  std::array<char, 20> text{};
-  std::snprintf(text.data(), text.size(), "0x%0*llx", static_cast<int>(digits),
-                static_cast<unsigned long long>(value));
-  return text.data();
-}
-
 std::string decimals(double value, int digits) {
   std::array<char, 64> text{};
   std::snprintf(text.data(), text.size(), "%.*f", digits, value);
@@ -86,8 +79,8 @@ void print_summary(const MapOptions& options, const MapStats& stats) {
       << stats.counters.work_bound << ")\nmodel          "
       << decimals(100.0 * stats.counters.known_fraction, 1) << " % of the voxels known, "
       << decimals(stats.counters.entropy_bits, 0) << " bits open; map "
-      << hex(stats.counters.map_hash, 16) << ", table " << hex(stats.counters.table_crc, 8)
-      << "\nwritten to     " << options.out_dir
+      << hex_text(stats.counters.map_hash, 16) << ", table "
+      << hex_text(stats.counters.table_crc, 8) << "\nwritten to     " << options.out_dir
       << ": model.llm, depth.asc, sigma.asc, depth.tif, depth.png,\n               stats.json\n";
 }
 
@@ -109,8 +102,8 @@ std::string format_stats_json(const MapStats& stats) {
          ",\n  \"bytes_per_voxel\": " + json_number(counters.bytes_per_voxel) +   //
          ",\n  \"entropy_bits\": " + json_number(counters.entropy_bits) +         //
          ",\n  \"known_fraction\": " + json_number(counters.known_fraction) +     //
-         ",\n  \"table_crc\": " + json_string(hex(counters.table_crc, 8)) +       //
-         ",\n  \"map_hash\": " + json_string(hex(counters.map_hash, 16)) + "\n}\n";
+         ",\n  \"table_crc\": " + json_string(hex_text(counters.table_crc, 8)) +  //
+         ",\n  \"map_hash\": " + json_string(hex_text(counters.map_hash, 16)) + "\n}\n";
 }
 
 int run_map(const MapOptions& options) {

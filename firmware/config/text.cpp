@@ -166,6 +166,27 @@ std::string json_string(std::string_view text) {
   return result;
 }
 
+std::string hex_text(std::uint64_t value, int digits) {
+  std::array<char, 16> raw{};
+  const auto end = std::to_chars(raw.data(), raw.data() + raw.size(), value, 16);
+  const std::string plain(raw.data(), end.ptr);
+  const auto missing = static_cast<std::ptrdiff_t>(digits) - (end.ptr - raw.data());
+  return "0x" + std::string(missing > 0 ? static_cast<std::size_t>(missing) : 0, '0') + plain;
+}
+
+void append_fixed(std::string* text, double value, int digits) {
+  // 309 digits before the point at the most.
+  std::array<char, 400> buffer{};
+  double half = 0.5;
+  for (int k = 0; k < digits; ++k) {
+    half /= 10.0;
+  }
+  const double shown = std::fabs(value) < half ? 0.0 : value;
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), shown,
+                                 std::chars_format::fixed, digits);
+  text->append(buffer.data(), end.ptr);
+}
+
 std::string json_number(double value) {
   if (!std::isfinite(value)) {
     return "null";

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,6 +28,10 @@ namespace leadline::host {
 
 /// `text` as a JSON string literal with its quotes. Bytes that are not valid UTF-8 become U+FFFD.
 [[nodiscard]] std::string json_string(std::string_view text);
+/// "0x" and at least `digits` lower-case hexadecimal digits.
+[[nodiscard]] std::string hex_text(std::uint64_t value, int digits);
+/// Appends `value` with `digits` after the point, 0 .. 20; never "-0".
+void append_fixed(std::string* text, double value, int digits);
 /// Shortest decimal that reads back as the same double; "null" for NaN and infinities.
 [[nodiscard]] std::string json_number(double value);
 

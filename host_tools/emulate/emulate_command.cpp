@@ -38,7 +38,6 @@ constexpr base::TimeUs kStep_us = 1'000;
 constexpr base::TimeUs kGrant_us = 20'000;
 // Pause of the loops that wait for the other end.
 constexpr int kPoll_ms = 20;
-constexpr const char* kTableName = "beam.llt";
 
 [[noreturn]] void usage_error(const std::string& message) {
   throw HostError(ExitCode::kUsage, "emulate: " + message);
@@ -322,13 +321,16 @@ void write_config(const EmulateOptions& options, const Mission& mission) {
   links.port_uris = vehicle_uris(mission, options);
   links.link_uri = options.link_uri;
   links.log_path = options.log_path;
-  links.table_path = kTableName;
   out.write("vehicle.toml", mission_vehicle_toml(mission, ground, links));
-  save_table(out.stage(kTableName), mission_table(mission).table);
+  std::string names;
+  for (const MissionTable& table : mission_tables(mission)) {
+    save_table(out.stage(table.name), table.table);
+    names += ", " + table.name;
+  }
   out.write("truth.asc",
             format_esri_ascii(truth_raster(mission, ground), raster_decimals(ground.cell_m())));
   out.commit();
-  std::cout << "written to " << options.write_config_dir << ": vehicle.toml, " << kTableName
+  std::cout << "written to " << options.write_config_dir << ": vehicle.toml" << names
             << ", truth.asc\n";
 }
 

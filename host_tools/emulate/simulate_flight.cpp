@@ -25,7 +25,6 @@ constexpr base::TimeUs kChunk_us = 2'000;
 // After the flight the link may take this long to say the rest.
 constexpr base::TimeUs kLongestDrain_us = 120'000'000;
 constexpr std::size_t kLogBuffer_bytes = std::size_t{1} << 20U;
-constexpr const char* kTableName = "beam.llt";
 constexpr const char* kLogName = "survey.lll";
 
 /// One flight under way.
@@ -163,7 +162,6 @@ MissionLinks simulated_links(const Mission& mission) {
     links.port_uris.push_back("serial:ports/" + name + ":" + std::to_string(kFleetBaud));
   }
   links.link_uri = "udp:127.0.0.1:9100";
-  links.table_path = kTableName;
   return links;
 }
 
@@ -186,6 +184,15 @@ std::string summary_json(const Fleet& fleet, const FlightSummary& flight, const 
 
 }  // namespace
 
+std::vector<std::vector<std::uint8_t>> table_bytes(const std::vector<MissionTable>& tables) {
+  std::vector<std::vector<std::uint8_t>> bytes;
+  for (const MissionTable& table : tables) {
+    const auto* const begin = reinterpret_cast<const std::uint8_t*>(&table.table);
+    bytes.emplace_back(begin, begin + sizeof table.table);
+  }
+  return bytes;
+}
+
 FlightSummary fly_in_process(Fleet* fleet, firmware::Vehicle* vehicle,
                              const std::vector<std::vector<std::uint8_t>>& tables,
                              std::int32_t cycle_us, const FlightSinks& sinks,
@@ -202,9 +209,8 @@ int run_simulated_flight(const FlightOptions& options) {
   OutputDir out(options.out_dir);
   const std::string toml = mission_vehicle_toml(mission, fleet.ground(), simulated_links(mission));
   const VehicleFile file = parse_vehicle_file(toml, "vehicle.toml", "");
-  const model::LocalizationTable table = mission_table(mission).table;
-  const auto* const table_bytes = reinterpret_cast<const std::uint8_t*>(&table);
-  const std::vector<std::vector<std::uint8_t>> tables = {{table_bytes, table_bytes + sizeof table}};
+  const std::vector<MissionTable> blocks = mission_tables(mission);
+  const std::vector<std::vector<std::uint8_t>> tables = table_bytes(blocks);
   const HostVehicle vehicle(file.config, tables, "vehicle.toml");
 
   OutputFile log(out.stage(kLogName), options.out_dir + "/" + kLogName);
@@ -231,11 +237,13 @@ int run_simulated_flight(const FlightOptions& options) {
 
   const std::string summary = summary_json(fleet, flight, receiver, log_bytes);
   out.write("vehicle.toml", toml);
-  save_table(out.stage(kTableName), table);
+  for (const MissionTable& block : blocks) {
+    save_table(out.stage(block.name), block.table);
+  }
   stage_truth(&out, fleet);
   out.write("pings.csv", soundings.csv());
-  MapConfig map = flight_map_config(file.config, table);
-  map.sonar.beam_half_angle_deg = mission_sonar(mission).beam_half_angle_deg;
+  MapConfig map = flight_map_config(file.config, blocks.front().table);
+  map.sonar.beam_half_angle_deg = mission.heads.front().beam_half_angle_deg;
   out.write("map.toml", map_config_to_toml(map));
   out.write("flight.json", summary);
   out.commit();
@@ -246,8 +254,8 @@ int run_simulated_flight(const FlightOptions& options) {
               << " cycles: " << flight.end.pings_in << " pings, " << flight.end.pings_fused
               << " in the map, " << flight.end.downlink_bytes << " bytes on the link\nwritten to "
               << options.out_dir << ": " << kLogName << " (" << log_bytes
-              << " bytes), vehicle.toml, " << kTableName
-              << ",\n  truth.asc, touched.asc, pings.csv, map.toml, flight.json\n";
+              << " bytes), vehicle.toml, tables,\n"
+              << "  truth.asc, touched.asc, pings.csv, map.toml, flight.json\n";
   }
   return static_cast<int>(ExitCode::kOk);
 }

@@ -9,6 +9,7 @@
 
 #include "host_tools/emulate/fleet.hpp"
 #include "host_tools/emulate/mission.hpp"
+#include "host_tools/emulate/vehicle_config.hpp"
 #include "host_tools/topside/receiver.hpp"
 #include "host_tools/topside/soundings.hpp"
 #include "proto/log.hpp"
@@ -34,6 +35,10 @@ struct FlightSummary {
   bool drained = false;  ///< all changes had left when it ended
   proto::LogEnd end{};
 };
+
+/// The tables' blocks, as a vehicle and a log take them.
+[[nodiscard]] std::vector<std::vector<std::uint8_t>> table_bytes(
+    const std::vector<MissionTable>& tables);
 
 /// Flies the fleet with a vehicle that is configured for it, then lets the link catch up. `soundings`
 /// may be null. Throws std::logic_error when the log cannot be encoded.

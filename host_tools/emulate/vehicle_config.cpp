@@ -19,6 +19,10 @@ constexpr int kPashr_bytes = 74;
 constexpr int kGga_bytes = 78;
 constexpr int kPrvat_bytes = 36;
 
+// The Ping360's sector: 60 degrees to each side of straight down; its frequency of 750 kHz.
+constexpr double kScanSector_deg = 60.0;
+constexpr double kScanWavelength_mm = 2.0;
+
 double transfer_ms(int bytes) {
   return static_cast<double>(bytes) * static_cast<double>(kFleetByteTime_ns) * 1e-6;
 }
@@ -72,13 +76,13 @@ std::string navigation_text(const Mission& mission) {
   return text;
 }
 
-std::string mount_text(const HeadSpec& head, const std::string& table_path) {
+std::string mount_text(const HeadSpec& head) {
   const Vec3& arm = head.lever_arm_m;
   const Attitude& sight = head.boresight;
   return "[[mount]]\nname = " + quoted(head.name) + "\nlever_arm_mm = [" + millimetres(arm.x) +
          ", " + millimetres(arm.y) + ", " + millimetres(arm.z) + "]\nboresight_deg = [" +
          number_text(sight.roll_deg) + ", " + number_text(sight.pitch_deg) + ", " +
-         number_text(sight.heading_deg) + "]\ntable = " + quoted(table_path) + "\n";
+         number_text(sight.heading_deg) + "]\ntable = " + quoted(table_name(head.kind)) + "\n";
 }
 
 std::string head_port_text(const Mission& mission, const HeadSpec& head, const std::string& uri) {
@@ -105,25 +109,39 @@ std::string nmea_port_text(const std::string& uri, std::int64_t latency_us, int 
 
 }  // namespace
 
-SonarConfig mission_sonar(const Mission& mission) {
-  const HeadSpec& head = mission.heads.front();
+const char* table_name(HeadKind kind) { return kind == HeadKind::kPing1d ? "beam.llt" : "fan.llt"; }
+
+SonarConfig mission_sonar(const Mission& mission, HeadKind kind) {
   const NavigationSpec& nav = mission.navigation;
+  SonarConfig sonar;
   double widest_tilt_deg = 0.0;
   double max_range_m = 0.0;
-  double min_range_m = head.min_range_m;
+  double min_range_m = mission.heads.front().min_range_m;
   for (const HeadSpec& each : mission.heads) {
-    widest_tilt_deg = std::max(widest_tilt_deg, std::fabs(each.boresight.roll_deg));
     max_range_m = std::max(max_range_m, each.max_range_m);
     min_range_m = std::min(min_range_m, each.min_range_m);
+    if (each.kind != kind) {
+      continue;
+    }
+    widest_tilt_deg = std::max(widest_tilt_deg, std::fabs(each.boresight.roll_deg));
+    sonar.beam_half_angle_deg = each.beam_half_angle_deg;
+    if (kind == HeadKind::kPing360) {
+      widest_tilt_deg = kScanSector_deg;
+      // The rectangle whose pattern has its first zeros at the edges of the fan.
+      const auto aperture_mm = [](double edge_deg) {
+        return kScanWavelength_mm / exact::sin(edge_deg * exact::kRadPerDeg);
+      };
+      sonar.beam = BeamKind::kAperture;
+      sonar.frequency_hz = 1.5e6 / kScanWavelength_mm;
+      sonar.aperture_along_mm = aperture_mm(each.beam_half_angle_deg);
+      sonar.aperture_across_mm = aperture_mm(each.across_half_angle_deg);
+    }
   }
   // Heading turns a tilted beam about the vertical.
   const double heading_deg = std::sqrt(nav.sigma_heading_deg * nav.sigma_heading_deg +
                                        nav.heading_drift_deg * nav.heading_drift_deg) *
                              exact::sin(widest_tilt_deg * exact::kRadPerDeg);
   const double mounting_deg = mission.errors.misalignment_deg;
-  SonarConfig sonar;
-  sonar.beam = BeamKind::kCone;
-  sonar.beam_half_angle_deg = head.beam_half_angle_deg;
   sonar.sigma_pointing_deg =
       std::sqrt(nav.sigma_attitude_deg * nav.sigma_attitude_deg + mounting_deg * mounting_deg +
                 0.5 * heading_deg * heading_deg);
@@ -134,13 +152,21 @@ SonarConfig mission_sonar(const Mission& mission) {
   return sonar;
 }
 
-GeneratedTable mission_table(const Mission& mission) {
-  return generate_table(beam_description(mission_sonar(mission)));
+std::vector<MissionTable> mission_tables(const Mission& mission) {
+  std::vector<MissionTable> tables;
+  for (const HeadSpec& head : mission.heads) {
+    const std::string name = table_name(head.kind);
+    if (tables.empty() || tables.back().name != name) {
+      tables.push_back(
+          {name, generate_table(beam_description(mission_sonar(mission, head.kind))).table});
+    }
+  }
+  return tables;
 }
 
 std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
                                  const MissionLinks& links) {
-  const SonarConfig sonar = mission_sonar(mission);
+  const SonarConfig sonar = mission_sonar(mission, mission.heads.front().kind);
   std::string text =
       "# Written by leadline for its emulated vehicle. firmware/vehicle.example.toml explains "
       "every "
@@ -157,7 +183,7 @@ std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
   // Depths of the tiles that changed most, fifty a second: a survey line changes fewer.
   text += "[cycle]\ntile_budget = 1\n\n";
   for (const HeadSpec& head : mission.heads) {
-    text += mount_text(head, links.table_path) + "\n";
+    text += mount_text(head) + "\n";
   }
   std::size_t port = 0;
   for (const HeadSpec& head : mission.heads) {

@@ -14,14 +14,22 @@ namespace leadline::host {
 struct MissionLinks {
   std::vector<std::string> port_uris;  ///< parallel to fleet_ports()
   std::string link_uri;
-  std::string log_path;    ///< "" = no log
-  std::string table_path;  ///< as written in the file: relative to it
+  std::string log_path;  ///< "" = no log
 };
 
-/// One table stands for all heads (the vehicle's model takes one): the beam of the first, its range and
-/// the pointing errors that attitude, heading and mounting come to.
-[[nodiscard]] SonarConfig mission_sonar(const Mission& mission);
-[[nodiscard]] GeneratedTable mission_table(const Mission& mission);
+/// Name of the table of a kind of head, beside vehicle.toml.
+[[nodiscard]] const char* table_name(HeadKind kind);
+/// The beam of a kind of head, its range, and the pointing errors that attitude, heading and mounting come
+/// to.
+[[nodiscard]] SonarConfig mission_sonar(const Mission& mission, HeadKind kind);
+
+/// A table of the mission's heads.
+struct MissionTable {
+  std::string name;
+  model::LocalizationTable table{};
+};
+/// One for each kind of head, in the order in which vehicle.toml first names them.
+[[nodiscard]] std::vector<MissionTable> mission_tables(const Mission& mission);
 
 /// The text of vehicle.toml.
 [[nodiscard]] std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,

@@ -1,7 +1,6 @@
 #include "host_tools/export/export.hpp"
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <iostream>
@@ -128,15 +127,6 @@ GeoReference chosen_reference(const ExportOptions& options, const MapSource& sou
     reference.vertical_datum = options.datum;
   }
   return reference;
-}
-
-void append_fixed(std::string* text, double value, int digits) {
-  std::array<char, 400> buffer{};
-  // No "-0.00".
-  const double shown = std::fabs(value) < 0.5 * std::pow(10.0, -digits) ? 0.0 : value;
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), shown,
-                                 std::chars_format::fixed, digits);
-  text->append(buffer.data(), end.ptr);
 }
 
 std::string datum_text(const GeoReference& reference) {

@@ -10,6 +10,7 @@
 #include "host_tools/raster.hpp"
 #include "host_tools/sim/exact_math.hpp"
 #include "host_tools/sim/random.hpp"
+#include "host_tools/text.hpp"
 
 namespace leadline::host {
 namespace {
@@ -323,15 +324,6 @@ void fly_lawnmower(const Terrain& terrain, const Scene& scene, EchoModel* echo, 
   }
 }
 
-// Four decimals, "." whatever the locale, never a negative zero.
-void append_fixed(std::string* text, double value) {
-  char buffer[64];
-  const double rounded = std::fabs(value) < 0.5e-4 ? 0.0 : value;
-  const std::to_chars_result result =
-      std::to_chars(buffer, buffer + sizeof(buffer), rounded, std::chars_format::fixed, 4);
-  text->append(buffer, result.ptr);
-}
-
 // Shortest decimal that reads back as the same value: 3, 0.5, 12.5.
 std::string shortest(double value) {
   char buffer[64];
@@ -373,11 +365,11 @@ std::string format_pings_csv(const Survey& survey) {
           ping.attitude.pitch_deg, ping.attitude.heading_deg, ping.beam.azimuth_deg,
           ping.beam.elevation_deg}) {
       text += ',';
-      append_fixed(&text, value);
+      append_fixed(&text, value, 4);
     }
     text += ',';
     if (ping.range_m) {
-      append_fixed(&text, *ping.range_m);
+      append_fixed(&text, *ping.range_m, 4);
     }
     text += '\n';
   }

@@ -36,16 +36,10 @@ constexpr int kReadsPerRound = 64;
 
 double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
-std::string hex(std::uint64_t value) {
-  std::array<char, 24> text{};
-  std::snprintf(text.data(), text.size(), "0x%016llx", static_cast<unsigned long long>(value));
-  return text.data();
-}
-
-std::string fixed(double value, int digits) {
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), "%.*f", digits, value);
-  return text.data();
+std::string fixed_text(double value, int digits) {
+  std::string text;
+  append_fixed(&text, value, digits);
+  return text;
 }
 
 const char* severity_word(proto::Severity severity) {
@@ -93,13 +87,13 @@ class LiveLine {
     }
     const double share = 100.0 * static_cast<double>(store->known_cells()) /
                          static_cast<double>(store->grid_cells());
-    std::string line = std::to_string(store->known_cells()) + " cells (" + fixed(share, 0) +
+    std::string line = std::to_string(store->known_cells()) + " cells (" + fixed_text(share, 0) +
                        " %), " + std::to_string(store->known_tiles()) + " tiles";
     if (receiver.status()) {
       line += ", " + std::to_string(receiver.status()->pings[proto::kPingFused]) + " pings";
     }
-    line += ", " + fixed(bytes_per_s, 0) + " B/s, " + fixed(receiver.bytes_per_changed_cell(), 2) +
-            " B/cell";
+    line += ", " + fixed_text(bytes_per_s, 0) + " B/s, " +
+            fixed_text(receiver.bytes_per_changed_cell(), 2) + " B/cell";
     const std::string alarms = receiver.status() ? alarm_text(receiver.status()->alarms) : "";
     return line + (alarms.empty() ? "" : " | " + alarms);
   }
@@ -281,8 +275,8 @@ class Session {
     const bool differs = vehicle_link_hash_ && *vehicle_link_hash_ != store->link_hash();
     if (differs) {
       std::cerr << "leadline: error: the map is not the vehicle's: link_hash="
-                << hex(store->link_hash()) << ", the vehicle has " << hex(*vehicle_link_hash_)
-                << "\n";
+                << hex_text(store->link_hash(), 16) << ", the vehicle has "
+                << hex_text(*vehicle_link_hash_, 16) << "\n";
     }
     return static_cast<int>(differs ? ExitCode::kComparisonFailed : ExitCode::kOk);
   }
@@ -293,8 +287,8 @@ class Session {
               << store.known_tiles() << " tiles (" << store.tiles_incomplete() << " incomplete)\n"
               << counters.bytes << " bytes, " << counters.frames << " frames ("
               << counters.damaged_frames << " damaged), "
-              << fixed(receiver_.bytes_per_changed_cell(), 2) << " bytes per changed cell\n"
-              << "link_hash=" << hex(store.link_hash());
+              << fixed_text(receiver_.bytes_per_changed_cell(), 2) << " bytes per changed cell\n"
+              << "link_hash=" << hex_text(store.link_hash(), 16);
     if (vehicle_link_hash_) {
       std::cout << (*vehicle_link_hash_ == store.link_hash() ? ", the vehicle's own"
                                                              : ", not the vehicle's");
@@ -354,7 +348,7 @@ std::string receive_summary_json(const Receiver& receiver,
     add("known_cells", std::to_string(store->known_cells()));
     add("known_tiles", std::to_string(store->known_tiles()));
     add("incomplete_tiles", std::to_string(store->tiles_incomplete()));
-    add("link_hash", "\"" + hex(store->link_hash()) + "\"");
+    add("link_hash", "\"" + hex_text(store->link_hash(), 16) + "\"");
     add("topside_equals_vehicle",
         !vehicle_link_hash ? "null"
                            : (*vehicle_link_hash == store->link_hash() ? "true" : "false"));

@@ -1,6 +1,5 @@
 #include "host_tools/topside/receiver.hpp"
 
-#include <cstdio>
 #include <utility>
 
 #include "host_tools/exit_codes.hpp"
@@ -12,14 +11,8 @@ namespace {
 /// Packets that are kept for a hello: more than a vehicle sends between two hellos on a fast link.
 constexpr std::size_t kMaxEarlyPackets = 4096;
 
-std::string hex(std::uint64_t value) {
-  char text[24];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-  return text;
-}
-
 std::string survey_text(const proto::Hello& hello) {
-  return "survey " + hex(hello.survey_id) + ", session " + std::to_string(hello.session);
+  return "survey " + std::to_string(hello.survey_id) + ", session " + std::to_string(hello.session);
 }
 
 /// Whether two hellos speak of one map.

@@ -1,6 +1,5 @@
 #include "host_tools/topside/replay.hpp"
 
-#include <cstdio>
 #include <iostream>
 #include <vector>
 
@@ -10,16 +9,11 @@
 #include "host_tools/output_dir.hpp"
 #include "host_tools/progress.hpp"
 #include "host_tools/survey_map.hpp"
+#include "host_tools/text.hpp"
 #include "host_tools/topside/host_vehicle.hpp"
 
 namespace leadline::host {
 namespace {
-
-std::string hex(std::uint64_t value, int digits) {
-  char text[24];
-  std::snprintf(text, sizeof text, "0x%0*llx", digits, static_cast<unsigned long long>(value));
-  return text;
-}
 
 /// What is wrong with the log, a line each.
 std::string log_findings(const FlightLogCounters& log, bool has_end) {
@@ -43,12 +37,12 @@ std::string log_findings(const FlightLogCounters& log, bool has_end) {
 std::string result_json(const ReplayResult& result) {
   const FlightLogCounters& log = result.log;
   const proto::LogEnd& now = result.now;
-  std::string text = "{\n  \"map_hash\": \"" + hex(now.map_hash, 16) + "\"";
+  std::string text = "{\n  \"map_hash\": \"" + hex_text(now.map_hash, 16) + "\"";
   const auto add = [&text](const char* key, const std::string& value) {
     text += std::string(",\n  \"") + key + "\": " + value;
   };
-  add("link_hash", "\"" + hex(now.link_hash, 16) + "\"");
-  add("downlink_crc", "\"" + hex(now.downlink_crc, 8) + "\"");
+  add("link_hash", "\"" + hex_text(now.link_hash, 16) + "\"");
+  add("downlink_crc", "\"" + hex_text(now.downlink_crc, 8) + "\"");
   add("same_as_flight", !result.then ? "null" : (result.same() ? "true" : "false"));
   add("cycles", std::to_string(result.cycles));
   add("seconds", std::to_string(static_cast<double>(now.t_us) * 1e-6));
@@ -122,9 +116,9 @@ int run_replay(const ReplayOptions& options) {
   if (options.json) {
     std::cout << result_json(result);
   } else {
-    std::cout << "map_hash=" << hex(result.now.map_hash, 16)
-              << " link_hash=" << hex(result.now.link_hash, 16)
-              << " downlink_crc=" << hex(result.now.downlink_crc, 8) << "\n";
+    std::cout << "map_hash=" << hex_text(result.now.map_hash, 16)
+              << " link_hash=" << hex_text(result.now.link_hash, 16)
+              << " downlink_crc=" << hex_text(result.now.downlink_crc, 8) << "\n";
     std::cout << result.cycles << " cycles, " << result.now.pings_in << " pings, "
               << result.now.pings_fused << " in the map; "
               << (result.same() ? "the same as when it flew"
@@ -134,8 +128,9 @@ int run_replay(const ReplayOptions& options) {
   }
   if (result.then && !result.same()) {
     std::cerr << "leadline: error: the flight ended with map_hash="
-              << hex(result.then->map_hash, 16) << " link_hash=" << hex(result.then->link_hash, 16)
-              << " downlink_crc=" << hex(result.then->downlink_crc, 8)
+              << hex_text(result.then->map_hash, 16)
+              << " link_hash=" << hex_text(result.then->link_hash, 16)
+              << " downlink_crc=" << hex_text(result.then->downlink_crc, 8)
               << (result.log.complete() ? "" : " (the log has gaps, see above)") << "\n";
     return static_cast<int>(ExitCode::kComparisonFailed);
   }

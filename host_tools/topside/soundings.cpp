@@ -1,21 +1,14 @@
 #include "host_tools/topside/soundings.hpp"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
+
+#include "host_tools/text.hpp"
 
 namespace leadline::host {
 namespace {
 
 constexpr double kDegPerRad = 57.29577951308232;
-
-void append_fixed(std::string* text, double value, int digits) {
-  std::array<char, 64> buffer{};
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value,
-                                 std::chars_format::fixed, digits);
-  text->append(buffer.data(), end.ptr);
-}
 
 void append_angle(std::string* text, base::Bam32 angle_bam32, bool full_turn) {
   const double raw = full_turn ? static_cast<double>(angle_bam32)

@@ -47,9 +47,13 @@ DeltaOutcome TileStore::apply(const proto::TileDelta& delta) {
     outcome.outside = true;
     return outcome;
   }
-  Tile& tile = tiles_[delta.tile];
-  if (!tile.seen) {
-    tile.seen = true;
+  std::unique_ptr<Tile>& place = tiles_[delta.tile];
+  const bool first = !place;
+  if (first) {
+    place = std::make_unique<Tile>();
+  }
+  Tile& tile = *place;
+  if (first) {
     tile.generation = delta.generation - kLongAgo;
     std::fill(std::begin(tile.cell_generation), std::end(tile.cell_generation), tile.generation);
   }
@@ -80,7 +84,8 @@ DeltaOutcome TileStore::apply(const proto::TileDelta& delta) {
 
 proto::CodedCell TileStore::cell(std::int32_t north, std::int32_t east) const {
   const auto tile = static_cast<std::size_t>((north >> 4) * tiles_east_ + (east >> 4));
-  return tiles_[tile].cells[(north & 15) * proto::kTileSide_cells + (east & 15)];
+  const int index = (north & 15) * proto::kTileSide_cells + (east & 15);
+  return tiles_[tile] ? tiles_[tile]->cells[index] : proto::kUnknownCell;
 }
 
 std::uint64_t TileStore::grid_cells() const {
@@ -90,24 +95,26 @@ std::uint64_t TileStore::grid_cells() const {
 
 std::uint32_t TileStore::known_tiles() const {
   std::uint32_t count = 0;
-  for (const Tile& tile : tiles_) {
-    count += tile.seen ? 1U : 0U;
+  for (const std::unique_ptr<Tile>& tile : tiles_) {
+    count += tile ? 1U : 0U;
   }
   return count;
 }
 
 std::uint64_t TileStore::link_hash() const {
+  const Tile nothing;
+  const std::uint64_t unknown = proto::tile_hash(nothing.cells);
   std::uint64_t hash = proto::kFnvOffset;
-  for (const Tile& tile : tiles_) {
-    hash = proto::add_tile_hash(hash, proto::tile_hash(tile.cells));
+  for (const std::unique_ptr<Tile>& tile : tiles_) {
+    hash = proto::add_tile_hash(hash, tile ? proto::tile_hash(tile->cells) : unknown);
   }
   return hash;
 }
 
 std::uint32_t TileStore::tiles_incomplete() const {
   std::uint32_t count = 0;
-  for (const Tile& tile : tiles_) {
-    count += tile.complete ? 0U : 1U;
+  for (const std::unique_ptr<Tile>& tile : tiles_) {
+    count += tile && !tile->complete ? 1U : 0U;
   }
   return count;
 }
@@ -117,7 +124,7 @@ proto::ResendRequest TileStore::request(std::uint32_t after, Wanted wanted) cons
   proto::ResendRequest request{};
   request.survey_tag = tag_;
   for (std::uint32_t id = after; id < tile_count(); ++id) {
-    if (!wanted(tiles_[id])) {
+    if (!wanted(tiles_[id].get())) {
       continue;
     }
     if (request.range_count > 0) {
@@ -137,15 +144,15 @@ proto::ResendRequest TileStore::request(std::uint32_t after, Wanted wanted) cons
 }
 
 proto::ResendRequest TileStore::missing(std::uint32_t after) const {
-  return request(after, [](const Tile& tile) { return !tile.complete; });
+  return request(after, [](const Tile* tile) { return tile != nullptr && !tile->complete; });
 }
 
 proto::ResendRequest TileStore::unseen(std::uint32_t after) const {
-  return request(after, [](const Tile& tile) { return !tile.seen; });
+  return request(after, [](const Tile* tile) { return tile == nullptr; });
 }
 
 proto::ResendRequest TileStore::everything() const {
-  return request(0, [](const Tile&) { return true; });
+  return request(0, [](const Tile*) { return true; });
 }
 
 template <typename Value>

@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "host_tools/raster.hpp"
@@ -25,7 +26,8 @@ struct DeltaOutcome {
 
 class TileStore {
  public:
-  /// An empty map of the grid that the hello describes (decode_hello has checked its ranges). O(grid).
+  /// An empty map of the grid that the hello describes (decode_hello has checked its ranges). A tile takes
+  /// memory when something comes for it: a hello that promises a continent costs a pointer per tile.
   explicit TileStore(const proto::Hello& hello);
 
   [[nodiscard]] const proto::Hello& hello() const { return hello_; }
@@ -63,7 +65,6 @@ class TileStore {
   struct Tile {
     std::uint32_t generation = 0;  ///< of the newest delta
     std::uint32_t hash32 = 0;      ///< what the whole tile should hash to at that generation
-    bool seen = false;
     bool complete = true;
     proto::CodedCell cells[proto::kTileArea_cells] = {};
     std::uint32_t cell_generation[proto::kTileArea_cells] = {};
@@ -79,7 +80,7 @@ class TileStore {
   std::uint16_t tag_;
   std::int32_t tiles_east_;
   std::uint64_t known_cells_ = 0;
-  std::vector<Tile> tiles_;
+  std::vector<std::unique_ptr<Tile>> tiles_;  ///< null: nothing came yet
 };
 
 }  // namespace leadline::host

@@ -64,12 +64,9 @@ Flown fly(const std::vector<std::string>& more = {}) {
     links.port_uris.push_back("serial:" + name + ":115200");
   }
   links.link_uri = "udp:127.0.0.1:9100";
-  links.table_path = "beam.llt";
   const VehicleFile file = leadline::host::parse_vehicle_file(
       mission_vehicle_toml(mission, fleet.ground(), links), "vehicle.toml", "");
-  const auto table = mission_table(mission).table;
-  const auto* const bytes = reinterpret_cast<const std::uint8_t*>(&table);
-  const Tables tables = {{bytes, bytes + sizeof table}};
+  const Tables tables = table_bytes(mission_tables(mission));
   const HostVehicle vehicle(file.config, tables, "vehicle.toml");
   Flown flown;
   Receiver receiver;
@@ -163,6 +160,16 @@ TEST(profiles_are_detected_on_the_vehicle) {
   const auto comparison = compare_rasters(flown.elevation, flown.truth, &flown.touched, nullptr);
   assert_true(comparison.coverage > 0.9);
   assert_true(comparison.rmse_m < 0.4);
+}
+
+TEST(a_scanner_beside_the_altimeters_has_a_table_of_its_own) {
+  const Flown flown = fly({"ping360=true"});
+  assert_true(flown.topside_hash == flown.summary.end.link_hash);
+  assert_true(flown.summary.end.pings_in > flight().summary.end.pings_in);
+  const auto comparison = compare_rasters(flown.elevation, flown.truth, &flown.touched, nullptr);
+  assert_true(comparison.coverage > 0.95);
+  assert_true(comparison.rmse_m < 0.3);
+  assert_true(replay(flown.log).same());
 }
 
 TEST(soundings_read_back_as_pings) {

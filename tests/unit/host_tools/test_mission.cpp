@@ -100,7 +100,6 @@ MissionLinks links_of(const Mission& mission) {
   }
   links.link_uri = "udp:127.0.0.1:9100";
   links.log_path = "survey.lll";
-  links.table_path = "beam.llt";
   return links;
 }
 
@@ -125,6 +124,9 @@ TEST(the_vehicle_reads_the_configuration_that_fits_the_mission) {
   assert_int_equal(file.config.ports[3].ping_interval_us, 0);
   assert_int_equal(file.config.navigation.has_origin, 1);
   assert_true(file.log.path == "survey.lll");
+  assert_int_equal(file.config.mounts[3].table, 1);
+  assert_int_equal(mission_tables(mission).size(), 2);
+  assert_true(mission_tables(mission)[1].name == "fan.llt");
   // Port-tilted: its boresight rolls to starboard down.
   assert_true(static_cast<std::int32_t>(file.config.mounts[1].boresight.roll_bam32) > 0);
   assert_true(static_cast<std::int32_t>(file.config.mounts[2].boresight.roll_bam32) < 0);

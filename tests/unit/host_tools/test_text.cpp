@@ -81,4 +81,21 @@ TEST(json_numbers_are_shortest_and_never_nan) {
   assert_string_equal(json_number(std::numeric_limits<double>::infinity()).c_str(), "null");
 }
 
+TEST(numbers_in_fixed_notation_and_in_hexadecimal) {
+  const auto fixed = [](double value, int digits) {
+    std::string text = "<";
+    leadline::host::append_fixed(&text, value, digits);
+    return text;
+  };
+  assert_string_equal(fixed(-1.23456, 2).c_str(), "<-1.23");
+  assert_string_equal(fixed(-0.0004, 3).c_str(), "<0.000");
+  assert_string_equal(fixed(-0.0006, 3).c_str(), "<-0.001");
+  assert_string_equal(fixed(-0.0, 1).c_str(), "<0.0");
+  assert_string_equal(fixed(7.0, 0).c_str(), "<7");
+  assert_int_equal(fixed(-1e308, 20).size(), 1 + 1 + 309 + 1 + 20);
+  assert_string_equal(leadline::host::hex_text(0, 8).c_str(), "0x00000000");
+  assert_string_equal(leadline::host::hex_text(0xABC, 2).c_str(), "0xabc");
+  assert_string_equal(leadline::host::hex_text(UINT64_MAX, 16).c_str(), "0xffffffffffffffff");
+}
+
 }  // namespace
