@@ -1,10 +1,14 @@
 #include "host_tools/geotiff.hpp"
 
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <mutex>
+#include <system_error>
 #include <vector>
 
 #include <cpl_conv.h>
@@ -304,7 +308,15 @@ void write_geotiff(const std::string& path, const Raster& elevation, const Raste
 
 void write_geotiff_whole(const std::string& path, const Raster& elevation, const Raster* sigma,
                          const GeoReference& reference, VerticalSign sign) {
-  const std::string temporary = path + ".partial-" + std::to_string(getpid()) + ".tif";
+  // What is under that name gives way only if it is a file; a link keeps standing.
+  std::error_code ignored;
+  const std::filesystem::path real = std::filesystem::canonical(path, ignored);
+  const std::string target = real.empty() ? path : real.string();
+  const std::filesystem::file_status status = std::filesystem::status(target, ignored);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
+    throw HostError(ExitCode::kOutput, path + ": is not a file, a GeoTIFF cannot go there");
+  }
+  const std::string temporary = target + ".partial-" + std::to_string(getpid()) + ".tif";
   try {
     write_geotiff(temporary, elevation, sigma, reference, sign);
   } catch (...) {
@@ -316,9 +328,10 @@ void write_geotiff_whole(const std::string& path, const Raster& elevation, const
   if (fd >= 0) {
     close(fd);
   }
-  if (!synced || std::rename(temporary.c_str(), path.c_str()) != 0) {
+  if (!synced || std::rename(temporary.c_str(), target.c_str()) != 0) {
+    const std::string reason = std::strerror(errno);
     std::remove(temporary.c_str());
-    throw HostError(ExitCode::kOutput, path + ": cannot be put in place");
+    throw HostError(ExitCode::kOutput, path + ": cannot be put in place: " + reason);
   }
 }
 

@@ -50,8 +50,11 @@ void PtyPair::unplug() {
     return;
   }
   if (!link_path_.empty()) {
+    // Ours only: another emulator, or somebody's file, may stand there by now.
     std::error_code ignored;
-    std::filesystem::remove(link_path_, ignored);
+    if (std::filesystem::read_symlink(link_path_, ignored) == device_) {
+      std::filesystem::remove(link_path_, ignored);
+    }
   }
   device_.clear();
   port_->unplug();
@@ -86,8 +89,9 @@ bool PtyPair::plug() {
   }
   if (!link_path_.empty()) {
     std::error_code problem;
-    // Only a link gives way: a mistyped name must not cost a file.
-    if (std::filesystem::is_symlink(link_path_, problem)) {
+    // Only a link to a pty gives way: a mistyped name must not cost anything else.
+    const std::string old = std::filesystem::read_symlink(link_path_, problem).string();
+    if (old.rfind("/dev/pts/", 0) == 0) {
       std::filesystem::remove(link_path_, problem);
     }
     std::filesystem::create_symlink(name.data(), link_path_, problem);

@@ -12,7 +12,8 @@ namespace leadline::hal {
 /// Host code: the constructor allocates and throws nothing; check error(). One owner.
 class PtyPair {
  public:
-  /// `link_path`: symbolic link to the device, replaces a link that is there; "" = none.
+  /// `link_path`: symbolic link to the device, replaces one to another pty, nothing else;
+  /// removed at the end if it is still ours. "" = none.
   explicit PtyPair(std::string link_path = "");
   ~PtyPair();
   PtyPair(const PtyPair&) = delete;

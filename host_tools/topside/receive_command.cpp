@@ -120,6 +120,10 @@ class Session {
  public:
   explicit Session(const ReceiveOptions& options)
       : options_(options), receiver_(options.survey_id) {
+    if (!options.out_dir.empty()) {
+      // Now, not when the dive is over.
+      const OutputDir probe(options.out_dir);
+    }
     const hal::UriResult uri = hal::parse_uri(options.link_uri);
     if (!uri.ok()) {
       throw HostError(ExitCode::kUsage, "receive: --link: " + uri.error);
@@ -149,8 +153,10 @@ class Session {
     while (more && !StopSignals::stopped()) {
       more = round();
     }
-    // What the kernel still holds was sent before the order to stop.
-    while (read_some() > 0) {
+    // What the kernel still holds was sent before the order to stop; a sender that never pauses must not
+    // keep us.
+    constexpr int kMostReads = 1024;
+    for (int i = 0; i < kMostReads && read_some() > 0; ++i) {
     }
     say_notices();
     line_.wipe();

@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <new>
@@ -178,6 +179,27 @@ TEST(an_unplugged_adapter_is_found_again_under_its_name) {
   assert_int_equal(port->counters().bytes_dropped_out, 4 * kCycles);
   put(pair.port(), "back");
   assert_string_equal(take(*port, &now_us, 4).c_str(), "back");
+}
+
+TEST(a_pty_takes_no_name_but_its_own) {
+  namespace fs = std::filesystem;
+  const std::string folder = leadline::test::scratch_directory();
+  // Whoever put something else under the name meanwhile keeps it.
+  {
+    PtyPair pair(folder + "/tty");
+    fs::remove(folder + "/tty");
+    std::ofstream(folder + "/tty") << "important";
+  }
+  assert_true(fs::is_regular_file(folder + "/tty"));
+  // A link to anything but a pty is no leftover of ours.
+  fs::create_symlink(folder + "/tty", folder + "/mine");
+  PtyPair refused(folder + "/mine");
+  assert_false(refused.error().empty());
+  assert_true(fs::read_symlink(folder + "/mine") == folder + "/tty");
+  // That of an emulator which was killed is.
+  fs::create_symlink("/dev/pts/999999", folder + "/stale");
+  PtyPair pair(folder + "/stale");
+  assert_string_equal(pair.path().c_str(), (folder + "/stale").c_str());
 }
 
 TEST(a_missing_device_is_tried_again_ever_more_rarely) {

@@ -5,6 +5,8 @@
 #include <iterator>
 #include <string>
 
+#include <sys/stat.h>
+
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/geotiff.hpp"
 #include "host_tools/raster.hpp"
@@ -334,6 +336,25 @@ TEST(bad_reference_or_place_is_refused) {
     leadline::host::write_geotiff_whole(folder + "/a.tif", elevation, &other, GeoReference());
   });
   assert_true(fs::is_empty(folder));
+}
+
+TEST(only_a_file_gives_way_to_a_geotiff) {
+  const std::string folder = leadline::test::scratch_directory();
+  const Raster elevation = make_raster(4, 3, 0.0, 0.0, 5.0, -8.0);
+  // As root, a rename would put the file in a device's place.
+  const std::string pipe = folder + "/pipe.tif";
+  assert_int_equal(::mkfifo(pipe.c_str(), 0600), 0);
+  const std::string message = error_of(ExitCode::kOutput, [&] {
+    leadline::host::write_geotiff_whole(pipe, elevation, nullptr, GeoReference());
+  });
+  assert_contains(message, "pipe.tif: is not a file");
+  assert_true(fs::is_fifo(pipe));
+  // A link stays one; what it points to is written.
+  std::ofstream(folder + "/target.tif") << "old";
+  fs::create_symlink("target.tif", folder + "/link.tif");
+  leadline::host::write_geotiff_whole(folder + "/link.tif", elevation, nullptr, GeoReference());
+  assert_true(fs::is_symlink(folder + "/link.tif"));
+  assert_true(leadline::host::read_raster(folder + "/target.tif").values.size() == 12);
 }
 
 TEST(what_is_not_a_raster_is_refused) {
