@@ -249,7 +249,7 @@ double Receiver::bytes_per_changed_cell() const {
 
 std::vector<ReceiverNotice> Receiver::take_notices() { return std::exchange(notices_, {}); }
 
-// The tiles to ask for now, if any.
+// Tiles that the vehicle is owed a request for at this moment, if any.
 proto::ResendRequest Receiver::wanted() {
   proto::ResendRequest request = store_->missing(resend_after_);
   if (request.range_count == 0) {
