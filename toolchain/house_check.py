@@ -10,7 +10,8 @@ Arrows (folder: what it may include with #include "..."):
   estimator proto       themselves, model/base
   hal                   hal, model/base
   firmware              firmware, model, estimator, proto, hal
-  firmware/pipeline     itself, model, estimator, proto, hal/{heads,attitude}, hal/ports.hpp, wire.hpp
+  firmware/pipeline     itself, model, estimator, proto, hal/{heads,attitude},
+                        hal/{ports,wire,codec,can_frame}.hpp
   firmware/config       itself, firmware/pipeline, model, proto, hal
   host_tools            host_tools, proto, model, estimator, firmware/{pipeline,config},
                         hal/{heads,attitude,linux,emu}
@@ -42,7 +43,7 @@ ARROWS = {
     "firmware": ["firmware", "model", "estimator", "proto", "hal"],
     "firmware/pipeline": [
         "firmware/pipeline", "model", "estimator", "proto", "hal/heads", "hal/attitude",
-        "hal/ports.hpp", "hal/wire.hpp",
+        "hal/ports.hpp", "hal/wire.hpp", "hal/codec.hpp", "hal/can_frame.hpp",
     ],
     "firmware/config": ["firmware/config", "firmware/pipeline", "model", "proto", "hal"],
     "host_tools": [

@@ -39,6 +39,8 @@ struct Ping {
   std::uint8_t quality;   ///< 0 = unusable .. 255 = best; a head without a measure reports 255
   std::int64_t range_um;  ///< kRange only: slant range, 0 < range_um <= kMaxRange_um
   RangeProfile profile;   ///< kProfile only
+  /// Speed of sound that range_um and the beam's direction were made with; 0: the configured one.
+  std::int32_t sound_speed_mm_s;
 };
 
 }  // namespace leadline::base

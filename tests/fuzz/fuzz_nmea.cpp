@@ -24,7 +24,7 @@ bool within(std::int64_t value, std::int64_t low, std::int64_t high) {
 void check(const NavSample& sample) {
   const auto has = [&sample](unsigned bit) { return (sample.fields & bit) != 0; };
   using namespace leadline::base;  // NOLINT: the bits' names
-  require(sample.fields != 0 && sample.quality > 0 && sample.reserved == 0);
+  require(sample.fields != 0 && sample.quality > 0);
   require(!has(kNavVelocityBody) && !has(kNavVelocityWorld));
   require(!(has(kNavHeading) && has(kNavHeadingMagnetic)));
   require(has(kNavHeading) || has(kNavHeadingMagnetic) || sample.attitude.heading_bam32 == 0);
