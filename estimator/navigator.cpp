@@ -1,6 +1,7 @@
 #include "estimator/navigator.hpp"
 
 #include "estimator/wide.hpp"
+#include "model/base/angles.hpp"
 #include "model/base/fixed.hpp"
 
 namespace leadline::estimator {
@@ -18,7 +19,6 @@ using base::TimeUs;
 constexpr std::int64_t kBamPerUrad_q20 = 716'770'142;
 
 constexpr std::int32_t kGate_q8 = 5 * 256;
-constexpr std::int64_t kStartSpeed_um_s = 2'000'000;
 constexpr std::int64_t kStartTurn_urad_s = 500'000;
 // A measurement that moves the position by more than so many of its sigmas, after a gap of so long, begins a
 // new epoch.
@@ -29,6 +29,8 @@ constexpr std::int64_t kAgreeSigmas = 6;
 constexpr std::int64_t kAgree_um = 3'000'000;
 constexpr std::int64_t kOriginAgree_um = 1'000'000'000;
 constexpr std::int64_t kFastest_um_s = 100'000'000;
+// Poses from rates alone: no more often than this.
+constexpr TimeUs kPoseInterval_us = 10'000;
 // Attitude that comes at least this often needs no allowance for what happens in between.
 constexpr TimeUs kAttitudeInterval_us = 120'000;
 
@@ -44,30 +46,43 @@ std::uint16_t urad16(std::int64_t urad) {
   return static_cast<std::uint16_t>(clamp<std::int64_t>((urad + 15) / 16, 1, UINT16_MAX));
 }
 
-std::uint32_t millimetres_up(std::int64_t um) {
-  return static_cast<std::uint32_t>(clamp<std::int64_t>((um + 999) / 1000, 0, UINT32_MAX));
-}
-
-KalmanCv position_axis(const NavigatorConfig& config) {
-  return KalmanCv(KalmanConfig{static_cast<std::int64_t>(config.acceleration_mm_s2) * 1000,
-                               kStartSpeed_um_s, kGate_q8, false});
-}
-
-// Body velocity to the world: Rz(heading) Ry(pitch) Rx(roll) v.
-void to_world(const base::Attitude& attitude, const std::int64_t body[3], std::int64_t world[3]) {
-  const auto turn = [](base::Bam32 angle, std::int64_t& x, std::int64_t& y) {
-    const std::int64_t s = base::sin_q30(angle);
-    const std::int64_t c = base::cos_q30(angle);
-    const std::int64_t turned = (c * x - s * y) >> 30;
-    y = (s * x + c * y) >> 30;
-    x = turned;
-  };
-  for (int axis = 0; axis < 3; ++axis) {
-    world[axis] = body[axis];
+void turn_vector(const base::Rotation& rotation, std::int64_t (&v)[3]) {
+  constexpr std::int64_t kMost = (std::int64_t{1} << 31U) - 1;
+  const base::Vector3 turned = base::rotated(
+      rotation,
+      {clamp(v[0], -kMost, kMost), clamp(v[1], -kMost, kMost), clamp(v[2], -kMost, kMost)});
+  for (std::size_t i = 0; i < 3; ++i) {
+    v[i] = turned[i];
   }
-  turn(attitude.roll_bam32, world[1], world[2]);
-  turn(attitude.pitch_bam32, world[2], world[0]);
-  turn(attitude.heading_bam32, world[0], world[1]);
+}
+
+NavigationFilter filter_of(const NavigatorConfig& config) {
+  NavigationFilterConfig filter;
+  filter.acceleration_m_s2 = static_cast<float>(config.acceleration_mm_s2) * 1e-3F;
+  filter.vertical_acceleration_m_s2 = filter.acceleration_m_s2;
+  return NavigationFilter(filter);
+}
+
+// What a sensor measured in its own axes, in the body's.
+NavSample in_body_axes(const NavSample& sample, const base::Attitude& boresight) {
+  if (boresight.roll_bam32 == 0 && boresight.pitch_bam32 == 0 && boresight.heading_bam32 == 0) {
+    return sample;
+  }
+  NavSample turned = sample;
+  const base::Rotation mounted = base::rotation_of(boresight);
+  constexpr std::uint16_t kVectors = base::kNavVelocityBody | base::kNavVelocityWater;
+  if ((sample.fields & kVectors) != 0) {
+    turn_vector(mounted, turned.velocity_um_s);
+  }
+  if ((sample.fields & base::kNavRates) != 0) {
+    turn_vector(mounted, turned.rate_urad_s);
+  }
+  if ((sample.fields & base::kNavRollPitch) != 0) {
+    // Sensor to world is body to world times sensor to body.
+    turned.attitude = base::attitude_of(
+        base::product(base::rotation_of(sample.attitude), base::transposed(mounted)));
+  }
+  return turned;
 }
 
 }  // namespace
@@ -109,9 +124,7 @@ Status Navigator::configure(const NavigatorConfig& config) {
 }
 
 void Navigator::reset_state() {
-  for (KalmanCv& axis : axes_) {
-    axis = position_axis(config_);
-  }
+  filter_ = filter_of(config_);
   heading_ = KalmanCv(KalmanConfig{bam_of_urad(config_.angular_acceleration_urad_s2),
                                    bam_of_urad(kStartTurn_urad_s), kGate_q8, true});
   any_ = false;
@@ -148,13 +161,11 @@ void Navigator::begin_epoch() {
 void Navigator::advance(TimeUs t_us) {
   newest_us_ = any_ ? max_of(newest_us_, t_us) : t_us;
   any_ = true;
-  for (KalmanCv& axis : axes_) {
-    axis.predict(newest_us_);
-  }
+  filter_.predict(newest_us_);
   heading_.predict(newest_us_);
 }
 
-void Navigator::take(const NavSample& sample) {
+void Navigator::take(const NavSample& sample, const SensorMount& mount) {
   ++counters_.samples;
   if (!within(sample.t_us, kMaxTime_us)) {
     ++counters_.out_of_range;
@@ -167,34 +178,44 @@ void Navigator::take(const NavSample& sample) {
   if (too_old(sample.t_us)) {
     return;
   }
-  if (!merge(sample)) {
+  if (!merge(in_body_axes(sample, mount.boresight), mount.lever)) {
     ++counters_.unusable;
   }
 }
 
 // False when the sample carries nothing that is used here.
-bool Navigator::merge(const NavSample& sample) {
+bool Navigator::merge(const NavSample& sample, const LeverArm& lever) {
+  constexpr std::uint16_t kVelocities =
+      base::kNavVelocityBody | base::kNavVelocityWorld | base::kNavVelocityWater;
   constexpr std::uint16_t kUsed =
       base::kNavRollPitch | base::kNavHeading | base::kNavHeadingMagnetic | base::kNavGeodetic |
-      base::kNavPressure | base::kNavDepth | base::kNavVelocityBody | base::kNavVelocityWorld;
+      base::kNavPressure | base::kNavDepth | base::kNavRates | kVelocities;
   if ((sample.fields & kUsed) == 0) {
     return false;
   }
   advance(sample.t_us);
+  if ((sample.fields & base::kNavRates) != 0) {
+    filter_.set_rates(sample.rate_urad_s);
+  }
   if ((sample.fields & (base::kNavHeading | base::kNavHeadingMagnetic)) != 0) {
     take_heading(sample);
   }
+  if ((sample.fields & base::kNavRollPitch) != 0) {
+    take_level(sample);
+  }
   if ((sample.fields & base::kNavGeodetic) != 0) {
-    take_fix(sample);
+    take_fix(sample, lever);
   }
   if ((sample.fields & (base::kNavPressure | base::kNavDepth)) != 0) {
-    take_depth(sample);
+    take_depth(sample, lever);
+  }
+  if ((sample.fields & kVelocities) != 0) {
+    take_velocity(sample, lever);
   }
   if ((sample.fields & base::kNavRollPitch) != 0) {
     make_pose(sample);
-  }
-  if ((sample.fields & (base::kNavVelocityBody | base::kNavVelocityWorld)) != 0) {
-    take_velocity(sample);
+  } else if ((sample.fields & base::kNavRates) != 0) {
+    make_filter_pose(sample.t_us);
   }
   return true;
 }
@@ -209,10 +230,17 @@ base::Attitude Navigator::sensed_attitude(const NavSample& sample) const {
   return attitude;
 }
 
+std::int64_t Navigator::heading_sigma_urad(const NavSample& sample) const {
+  return min_of<std::int64_t>(stated_or(sample.sigma_attitude_urad[2], config_.sigma_heading_urad),
+                              3'000'000);
+}
+
 void Navigator::take_heading(const NavSample& sample) {
-  const std::int64_t sigma = bam_of_urad(min_of<std::int64_t>(
-      stated_or(sample.sigma_attitude_urad[2], config_.sigma_heading_urad), 3'000'000));
-  const std::int64_t value = sensed_attitude(sample).heading_bam32;
+  const std::int64_t sigma = bam_of_urad(heading_sigma_urad(sample));
+  const base::Bam32 heading_bam32 = sensed_attitude(sample).heading_bam32;
+  static_cast<void>(filter_.update_heading(
+      heading_bam32, static_cast<std::uint32_t>(heading_sigma_urad(sample)), age(sample.t_us)));
+  const std::int64_t value = heading_bam32;
   if (!heading_.started()) {
     heading_.start(sample.t_us, value, sigma);
     heading_.predict(newest_us_);
@@ -227,8 +255,19 @@ void Navigator::take_heading(const NavSample& sample) {
   if (heading_.gated_in_a_row() >= kJumpCount) {
     heading_.start(sample.t_us, value, sigma);
     heading_.predict(newest_us_);
+    filter_.restart_heading();
     begin_epoch();
   }
+}
+
+void Navigator::take_level(const NavSample& sample) {
+  const std::uint32_t sigma_urad[2] = {
+      static_cast<std::uint32_t>(
+          stated_or(sample.sigma_attitude_urad[0], config_.sigma_attitude_urad)),
+      static_cast<std::uint32_t>(
+          stated_or(sample.sigma_attitude_urad[1], config_.sigma_attitude_urad))};
+  static_cast<void>(filter_.update_level(sample.attitude.roll_bam32, sample.attitude.pitch_bam32,
+                                         sigma_urad, age(sample.t_us)));
 }
 
 bool Navigator::origin_ready(const Geodetic& fix) {
@@ -249,7 +288,7 @@ bool Navigator::origin_ready(const Geodetic& fix) {
   return false;
 }
 
-void Navigator::take_fix(const NavSample& sample) {
+void Navigator::take_fix(const NavSample& sample, const LeverArm& lever) {
   const Geodetic fix{sample.latitude_e9deg, sample.longitude_e9deg};
   if (!origin_ready(fix)) {
     return;
@@ -264,10 +303,10 @@ void Navigator::take_fix(const NavSample& sample) {
   const std::int64_t sigma_um =
       min_of<std::int64_t>(stated_or(sample.sigma_position_mm, config_.sigma_fix_mm), 1'000'000) *
       1000;
-  merge_position(axes_, 2, values, sigma_um, sample.t_us, fix_rejects_);
+  merge_position<2>(values, sigma_um, lever, sample.t_us, fix_rejects_);
 }
 
-void Navigator::take_depth(const NavSample& sample) {
+void Navigator::take_depth(const NavSample& sample, const LeverArm& lever) {
   std::int64_t depth_um = sample.depth_um;
   if ((sample.fields & base::kNavDepth) == 0) {
     if (!within(sample.pressure_pa, 400'000'000)) {
@@ -281,29 +320,32 @@ void Navigator::take_depth(const NavSample& sample) {
     ++counters_.out_of_range;
     return;
   }
-  merge_position(axes_ + 2, 1, &depth_um, static_cast<std::int64_t>(config_.sigma_depth_mm) * 1000,
-                 sample.t_us, depth_rejects_);
+  const std::int64_t sigma_um = stated_or(sample.sigma_vertical_mm, config_.sigma_depth_mm) * 1000;
+  merge_position<1>(&depth_um, min_of<std::int64_t>(sigma_um, 1'000'000'000), lever, sample.t_us,
+                    depth_rejects_);
 }
 
-// Merges one measurement of `axis_count` axes, of all or of none.
-void Navigator::merge_position(KalmanCv* axes, int axis_count, const std::int64_t* values,
-                               std::int64_t sigma_um, TimeUs t_us, Rejects& rejects) {
-  KalmanCv merged[2] = {axes[0], axes[axis_count - 1]};
-  bool gated = false;
-  bool moved = false;
-  for (int i = 0; i < axis_count; ++i) {
-    if (!merged[i].started()) {
-      merged[i].start(t_us, values[i], sigma_um);
-      merged[i].predict(newest_us_);
-      continue;
+// A fix (two axes) or a depth.
+template <int kAxes>
+void Navigator::merge_position(const std::int64_t* values, std::int64_t sigma_um,
+                               const LeverArm& lever, TimeUs t_us, Rejects& rejects) {
+  constexpr base::Axis kFirst = kAxes == 2 ? base::kNorth : base::kDown;
+  const auto merge = [&] {
+    if constexpr (kAxes == 2) {
+      return filter_.update_position(values, sigma_um, lever, age(t_us));
     }
-    const Fusion fusion = merged[i].update(Measurement{values[i], sigma_um, age(t_us)});
-    gated = gated || fusion == Fusion::kGated;
-    moved = moved || !within(merged[i].value() - axes[i].value(), kJumpSigmas * sigma_um);
+    return filter_.update_depth(values[0], sigma_um, lever, age(t_us));
+  };
+  const bool started = kAxes == 2 ? filter_.horizontal_started() : filter_.vertical_started();
+  std::int64_t before[2] = {0, 0};
+  for (int i = 0; i < kAxes; ++i) {
+    before[i] = filter_.position_um(static_cast<base::Axis>(kFirst + i), 0);
   }
-  if (!gated) {
-    for (int i = 0; i < axis_count; ++i) {
-      axes[i] = merged[i];
+  if (merge() == Fusion::kFused) {
+    bool moved = false;
+    for (int i = 0; i < kAxes; ++i) {
+      const std::int64_t after = filter_.position_um(static_cast<base::Axis>(kFirst + i), 0);
+      moved = moved || (started && !within(after - before[i], kJumpSigmas * sigma_um));
     }
     const bool gap = rejects.fused_us != kNever_us && t_us - rejects.fused_us > kLongGap_us;
     rejects.count = 0;
@@ -317,7 +359,7 @@ void Navigator::merge_position(KalmanCv* axes, int axis_count, const std::int64_
   ++counters_.gated;
   const std::int64_t room_um = kAgreeSigmas * sigma_um + kAgree_um;
   bool agrees = rejects.count > 0;
-  for (int i = 0; i < axis_count; ++i) {
+  for (int i = 0; i < kAxes; ++i) {
     agrees = agrees && within(values[i] - rejects.last[i], room_um);
     rejects.last[i] = values[i];
   }
@@ -326,40 +368,54 @@ void Navigator::merge_position(KalmanCv* axes, int axis_count, const std::int64_
     return;
   }
   // They agree with each other and not with the state: the state is wrong.
-  for (int i = 0; i < axis_count; ++i) {
-    axes[i].start(t_us, values[i], sigma_um);
-    axes[i].predict(newest_us_);
+  if constexpr (kAxes == 2) {
+    filter_.restart_horizontal();
+  } else {
+    filter_.restart_vertical();
   }
+  static_cast<void>(merge());
   rejects.count = 0;
   rejects.fused_us = t_us;
   begin_epoch();
 }
 
-void Navigator::take_velocity(const NavSample& sample) {
+void Navigator::take_velocity(const NavSample& sample, const LeverArm& lever) {
   for (const std::int64_t speed : sample.velocity_um_s) {
     if (!within(speed, kFastest_um_s)) {
       ++counters_.out_of_range;
       return;
     }
   }
-  std::int64_t world[3] = {sample.velocity_um_s[0], sample.velocity_um_s[1],
-                           sample.velocity_um_s[2]};
-  if ((sample.fields & base::kNavVelocityWorld) == 0) {
-    const TimeUs apart = sample.t_us - attitude_us_;
-    if (!attitude_known_ || !within(apart, max_of(config_.max_gap_us, kAttitudeInterval_us))) {
-      ++counters_.unusable;
-      return;
-    }
-    to_world(attitude_, sample.velocity_um_s, world);
+  const std::int64_t sigma_um_s =
+      sample.sigma_velocity_um_s != 0
+          ? static_cast<std::int64_t>(sample.sigma_velocity_um_s)
+          : static_cast<std::int64_t>(config_.sigma_velocity_mm_s) * 1000;
+  const TimeUs age_us = age(sample.t_us);
+  Fusion fusion = Fusion::kNotReady;
+  if ((sample.fields & base::kNavVelocityWorld) != 0) {
+    fusion = filter_.update_velocity_world(sample.velocity_um_s, sigma_um_s, age_us);
+  } else if (!attitude_recent(sample.t_us)) {
+    ++counters_.unusable;
+    return;
+  } else if ((sample.fields & base::kNavVelocityBody) != 0) {
+    fusion = filter_.update_velocity_bottom(sample.velocity_um_s, sigma_um_s, lever, age_us);
+  } else {
+    fusion = filter_.update_velocity_water(sample.velocity_um_s, sigma_um_s, lever, age_us);
   }
-  // What the velocity may have changed since the sample's instant: sigma_a over the whole age.
-  const std::int64_t sigma_um_s = static_cast<std::int64_t>(config_.sigma_velocity_mm_s) * 1000 +
-                                  age(sample.t_us) / 1000 * config_.acceleration_mm_s2;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const Fusion fusion = axes_[axis].update_rate(world[axis], sigma_um_s);
-    counters_.fused += fusion == Fusion::kFused ? 1U : 0U;
-    counters_.gated += fusion == Fusion::kGated ? 1U : 0U;
-  }
+  counters_.fused += fusion == Fusion::kFused ? 1U : 0U;
+  counters_.gated += fusion == Fusion::kGated ? 1U : 0U;
+  counters_.unusable += fusion == Fusion::kNotReady ? 1U : 0U;
+}
+
+// Whether the body's axes are known at `t_us`.
+bool Navigator::attitude_recent(TimeUs t_us) const {
+  return attitude_known_ &&
+         within(t_us - attitude_us_, max_of(config_.max_gap_us, kAttitudeInterval_us));
+}
+
+void Navigator::put_position(Pose& pose, base::Axis axis, TimeUs t_us) const {
+  pose.position_um[axis] = filter_.position_um(axis, age(t_us));
+  pose.covariance.sigma_position_mm[axis] = filter_.sigma_position_mm(axis);
 }
 
 // Position at an instant not later than newest_us_, attitude left open.
@@ -367,16 +423,19 @@ Pose Navigator::pose_at(TimeUs t_us) const {
   Pose pose{};
   pose.t_us = t_us;
   pose.epoch = epoch_;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const KalmanCv& filter = axes_[axis];
-    pose.position_um[axis] = filter.value() - mul_div(filter.rate(), age(t_us), 1'000'000);
-    pose.covariance.sigma_position_mm[axis] = millimetres_up(filter.sigma());
-  }
-  if (axes_[base::kNorth].started() && axes_[base::kEast].started()) {
+  if (filter_.horizontal_started()) {
     pose.validity |= base::kPoseHorizontal;
+    put_position(pose, base::kNorth, t_us);
+    put_position(pose, base::kEast, t_us);
+    pose.covariance.correlation_ne_q7 = filter_.correlation_q7(base::kNorth, base::kEast);
   }
-  if (axes_[base::kDown].started()) {
+  if (filter_.vertical_started()) {
     pose.validity |= base::kPoseVertical;
+    put_position(pose, base::kDown, t_us);
+  }
+  if (filter_.horizontal_started() && filter_.vertical_started()) {
+    pose.covariance.correlation_nd_q7 = filter_.correlation_q7(base::kNorth, base::kDown);
+    pose.covariance.correlation_ed_q7 = filter_.correlation_q7(base::kEast, base::kDown);
   }
   return pose;
 }
@@ -413,9 +472,38 @@ void Navigator::make_pose(const NavSample& sample) {
     pose.covariance.sigma_attitude_urad16[axis] =
         urad16(sqrt_up(own * own + mul_div(bend_urad, bend_urad, 1)));
   }
-  attitude_ = pose.attitude;
   attitude_us_ = sample.t_us;
   attitude_known_ = true;
+  if (filter_.has_rates() && filter_.attitude_started()) {
+    put_attitude(pose);
+  }
+  attitude_ = pose.attitude;
+  push(pose);
+}
+
+// The filter's attitude, which the rates carry on from sample to sample. Its sigma: no less than half of a
+// single sample's, since what sensors err by does not average out.
+void Navigator::put_attitude(Pose& pose) const {
+  pose.attitude = filter_.attitude();
+  const std::int64_t floor_urad[3] = {config_.sigma_attitude_urad / 2,
+                                      config_.sigma_attitude_urad / 2,
+                                      config_.sigma_heading_urad / 2};
+  for (int axis = 0; axis < 3; ++axis) {
+    pose.covariance.sigma_attitude_urad16[axis] =
+        urad16(max_of<std::int64_t>(filter_.sigma_attitude_urad(axis), floor_urad[axis]));
+  }
+  pose.validity |= base::kPoseAttitude;
+}
+
+// Between attitude samples, from the rates.
+void Navigator::make_filter_pose(TimeUs t_us) {
+  const bool late = latest_.validity != 0 && t_us - latest_.t_us < kPoseInterval_us;
+  if (late || t_us != newest_us_ || !filter_.attitude_started() || !attitude_recent(t_us)) {
+    return;
+  }
+  Pose pose = pose_at(t_us);
+  put_attitude(pose);
+  attitude_ = pose.attitude;
   push(pose);
 }
 

@@ -1,7 +1,8 @@
-// From sensor samples to poses: position and depth through constant-velocity Kalman filters, attitude as
-// measured, one pose per attitude sample into the history. Why so: DESIGN.md. What it reaches: README.md.
+// From sensor samples to poses: the navigation filter for position, velocity and what they depend on, one
+// pose per attitude sample into the history. Attitude is as measured, or the filter's where a sensor gives
+// rates. Why so: DESIGN.md. What it reaches: README.md.
 //
-// Integers only, no heap, no clock: the result depends on the sequence of calls alone.
+// No heap, no clock: the result depends on the sequence of calls alone.
 #pragma once
 
 #include <array>
@@ -9,6 +10,7 @@
 
 #include "estimator/geodesy.hpp"
 #include "estimator/kalman_cv.hpp"
+#include "estimator/navigation_filter.hpp"
 #include "estimator/pose_history.hpp"
 #include "model/base/nav_sample.hpp"
 #include "model/base/pose.hpp"
@@ -25,6 +27,13 @@ inline constexpr std::uint32_t kJumpCount = 5;
 inline constexpr std::uint32_t kStepBackCount = 50;
 /// Without attitude for this long poses are made without it, this often.
 inline constexpr base::TimeUs kBlindInterval_us = 1'000'000;
+
+/// Where a sensor sits: its place from the reference point, and the rotation of its axes into the body's
+/// (attitude, rates and velocities are turned by it).
+struct SensorMount {
+  LeverArm lever;
+  base::Attitude boresight{};
+};
 
 struct NavigatorConfig {
   bool has_origin;
@@ -74,7 +83,8 @@ class Navigator {
 
   /// Takes one sample. Every field in it is merged at sample.t_us, also when newer ones were merged before
   /// (kMaxSampleAge_us). A sample with roll and pitch that is newer than the last pose makes a pose.
-  void take(const base::NavSample& sample);
+  /// Rates turn the attitude until the next one, and make poses of their own in between.
+  void take(const base::NavSample& sample, const SensorMount& mount = {});
 
   /// To be called once per cycle: where no attitude comes, a pose without it (validity says so), so that
   /// what waits for poses goes on.
@@ -82,6 +92,7 @@ class Navigator {
 
   [[nodiscard]] const PoseHistory& history() const { return history_; }
   [[nodiscard]] const LocalPlane& plane() const { return plane_; }
+  [[nodiscard]] const NavigationFilter& filter() const { return filter_; }
   [[nodiscard]] const NavigatorCounters& counters() const { return counters_; }
   /// Newest pose; validity 0 before the first.
   [[nodiscard]] const base::Pose& latest() const { return latest_; }
@@ -101,24 +112,31 @@ class Navigator {
   void advance(base::TimeUs t_us);
   [[nodiscard]] base::TimeUs age(base::TimeUs t_us) const { return newest_us_ - t_us; }
   void begin_epoch();
-  [[nodiscard]] bool merge(const base::NavSample& sample);
+  [[nodiscard]] bool merge(const base::NavSample& sample, const LeverArm& lever);
   void take_heading(const base::NavSample& sample);
   [[nodiscard]] bool origin_ready(const Geodetic& fix);
-  void take_fix(const base::NavSample& sample);
-  void take_depth(const base::NavSample& sample);
-  void take_velocity(const base::NavSample& sample);
-  void merge_position(KalmanCv* axes, int axis_count, const std::int64_t* values,
-                      std::int64_t sigma_um, base::TimeUs t_us, Rejects& rejects);
+  void take_fix(const base::NavSample& sample, const LeverArm& lever);
+  void take_depth(const base::NavSample& sample, const LeverArm& lever);
+  void take_velocity(const base::NavSample& sample, const LeverArm& lever);
+  void take_level(const base::NavSample& sample);
+  [[nodiscard]] bool attitude_recent(base::TimeUs t_us) const;
+  [[nodiscard]] std::int64_t heading_sigma_urad(const base::NavSample& sample) const;
+  void put_position(base::Pose& pose, base::Axis axis, base::TimeUs t_us) const;
+  void put_attitude(base::Pose& pose) const;
+  template <int kAxes>
+  void merge_position(const std::int64_t* values, std::int64_t sigma_um, const LeverArm& lever,
+                      base::TimeUs t_us, Rejects& rejects);
   [[nodiscard]] base::Attitude sensed_attitude(const base::NavSample& sample) const;
   [[nodiscard]] base::Pose pose_at(base::TimeUs t_us) const;
   void push(const base::Pose& pose);
   void make_pose(const base::NavSample& sample);
+  void make_filter_pose(base::TimeUs t_us);
 
   NavigatorConfig config_{};
   LocalPlane plane_;
   Geodetic origin_candidate_{};
   bool has_candidate_ = false;
-  KalmanCv axes_[3];  ///< north, east, down; micrometres
+  NavigationFilter filter_;
   KalmanCv heading_;  ///< grid heading, 2^-32 turn: for attitude samples without one
   base::TimeUs newest_us_ = 0;
   bool any_ = false;

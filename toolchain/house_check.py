@@ -63,7 +63,8 @@ STD_HEADERS = {
 }
 # Folder -> further headers.
 # atomic: the single-producer ring.
-STD_HEADERS_EXTRA = {"estimator": {"cmath"}, "model/base": {"atomic"}}
+# Eigen: fixed sizes only, behind estimator/filter_access.hpp.
+STD_HEADERS_EXTRA = {"estimator": {"cmath", "Eigen/Core"}, "model/base": {"atomic"}}
 # Intrinsics only in files whose name says so: the portable form stays readable beside them.
 KERNEL_FILE = re.compile(r"(^|_)kernels?(_[a-z0-9]+)?\.(cpp|hpp)$")
 KERNEL_HEADERS = {

@@ -17,6 +17,7 @@ packages=(
   libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev
   fonts-dejavu-core
   libcmocka-dev
+  libeigen3-dev
   libbenchmark-dev liboctomap-dev libzstd-dev
 )
 # libclang-rt: the sanitizer and fuzzer libraries, which clang only recommends. llvm: readable reports.
