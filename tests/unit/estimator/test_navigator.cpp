@@ -24,6 +24,7 @@ using leadline::estimator::Measurement;
 using leadline::estimator::Navigator;
 using leadline::estimator::NavigatorConfig;
 using leadline::estimator::pressure_depth_um;
+using leadline::estimator::SensorMount;
 using leadline::test::Random;
 
 constexpr double kPi = 3.14159265358979323846;
@@ -123,6 +124,67 @@ Truth truth_at(double t) {
   return truth;
 }
 
+double wrapped(double angle);
+
+// Rates of the body, by differences, with a bias of 3 mrad/s and the noise of a MEMS sensor.
+NavSample rates_at(TimeUs t_us, Random& random) {
+  const double s = static_cast<double>(t_us) * 1e-6;
+  const double h = 1e-4;
+  const Truth a = truth_at(s - h);
+  const Truth b = truth_at(s + h);
+  const Truth now = truth_at(s);
+  const double roll = (b.roll - a.roll) / (2 * h);
+  const double pitch = (b.pitch - a.pitch) / (2 * h);
+  const double heading = wrapped(b.heading - a.heading) / (2 * h);
+  const double body[3] = {
+      roll - std::sin(now.pitch) * heading,
+      std::cos(now.roll) * pitch + std::sin(now.roll) * std::cos(now.pitch) * heading,
+      -std::sin(now.roll) * pitch + std::cos(now.roll) * std::cos(now.pitch) * heading};
+  NavSample sample = sample_at(t_us, leadline::base::kNavRates);
+  for (std::size_t i = 0; i < 3; ++i) {
+    sample.rate_urad_s[i] = std::llround(1e6 * (body[i] + 3e-3 + 5e-3 * random.normal()));
+  }
+  return sample;
+}
+
+// A Doppler log 1.2 m ahead, turned by a quarter to starboard in its mount.
+const SensorMount kLogMount{{1'200, 0, 0}, {0, 0, leadline::base::kBam32QuarterTurn}};
+
+NavSample log_at(TimeUs t_us, Random& random) {
+  const double s = static_cast<double>(t_us) * 1e-6;
+  const double h = 1e-3;
+  const Truth a = truth_at(s - h);
+  const Truth b = truth_at(s + h);
+  const Truth now = truth_at(s);
+  // Position of the log itself, differentiated.
+  const auto ahead = [](const Truth& truth, double(&p)[3]) {
+    p[0] = truth.north + 1.2 * std::cos(truth.pitch) * std::cos(truth.heading);
+    p[1] = truth.east + 1.2 * std::cos(truth.pitch) * std::sin(truth.heading);
+    p[2] = truth.depth - 1.2 * std::sin(truth.pitch);
+  };
+  double from[3];
+  double to[3];
+  ahead(a, from);
+  ahead(b, to);
+  double v[3];
+  for (int i = 0; i < 3; ++i) {
+    v[i] = (to[i] - from[i]) / (2 * h);
+  }
+  const double x1 = std::cos(now.heading) * v[0] + std::sin(now.heading) * v[1];
+  const double y1 = -std::sin(now.heading) * v[0] + std::cos(now.heading) * v[1];
+  const double x = std::cos(now.pitch) * x1 - std::sin(now.pitch) * v[2];
+  const double z1 = std::sin(now.pitch) * x1 + std::cos(now.pitch) * v[2];
+  const double y = std::cos(now.roll) * y1 + std::sin(now.roll) * z1;
+  const double z = -std::sin(now.roll) * y1 + std::cos(now.roll) * z1;
+  NavSample sample = sample_at(t_us, leadline::base::kNavVelocityBody);
+  // In the log's axes: its bow is the vehicle's starboard.
+  sample.velocity_um_s[0] = std::llround(1e6 * (y + 0.02 * random.normal()));
+  sample.velocity_um_s[1] = std::llround(1e6 * (-x + 0.02 * random.normal()));
+  sample.velocity_um_s[2] = std::llround(1e6 * (z + 0.02 * random.normal()));
+  sample.sigma_velocity_um_s = 20'000;
+  return sample;
+}
+
 double wrapped(double angle) { return std::remainder(angle, 2 * kPi); }
 
 struct Rms {
@@ -155,6 +217,8 @@ struct Sensors {
   double sigma_attitude = 0.1 * kPi / 180;
   double gap_from_s = 1e9;  // fixes fail for 26 s
   TimeUs fix_delay_us = 0;  // how late fixes come
+  TimeUs rates_us = 0;      // rate sensor: none
+  TimeUs log_us = 0;        // Doppler log, 1.2 m ahead: none
 };
 
 Result simulate(const Sensors& sensors, const NavigatorConfig& config, std::uint64_t stream) {
@@ -196,6 +260,12 @@ Result simulate(const Sensors& sensors, const NavigatorConfig& config, std::uint
       sample.velocity_um_s[2] = static_cast<std::int64_t>(
           1e6 * ((truth_at(s + h).depth - now.depth) / h + 0.05 * random.normal()));
       navigator.take(sample);
+    }
+    if (sensors.rates_us != 0 && t % sensors.rates_us == 0) {
+      navigator.take(rates_at(t, random));
+    }
+    if (sensors.log_us != 0 && t % sensors.log_us == 0) {
+      navigator.take(log_at(t, random), kLogMount);
     }
     if (t % sensors.attitude_us == 0) {
       raw_roll = now.roll + sensors.sigma_attitude * random.normal();
@@ -324,6 +394,46 @@ TEST(a_gap_of_26_seconds_is_bridged_and_owned_up_to) {
   print_message("after 26 s without a fix: stated sigma %.1f m per axis, error / sigma %.2f rms\n",
                 sigma, ratio.value());
   assert_true(ratio.value() < 3.0);
+}
+
+TEST(a_log_and_rates_bridge_the_gap) {
+  print_message("| after 26 s without a fix | stated sigma per axis, m | error / sigma |\n");
+  struct Case {
+    const char* name;
+    TimeUs rates_us, log_us;
+    double most_m;
+  };
+  for (const Case& c : {Case{"no log", 0, 0, 40.0}, Case{"log 5 Hz", 0, 200'000, 1.5},
+                        Case{"log 5 Hz, rates 50 Hz", 20'000, 200'000, 1.0}}) {
+    Rms ratio;
+    double sigma = 0;
+    for (std::uint64_t run = 0; run < 12; ++run) {
+      Sensors sensors;
+      sensors.gap_from_s = 290.0 + 5.0 * static_cast<double>(run);
+      sensors.rates_us = c.rates_us;
+      sensors.log_us = c.log_us;
+      const Result result = simulate(sensors, plain(), 40 + run);
+      ratio.add(result.gap_error_m / std::sqrt(2.0) / result.gap_sigma_m);
+      sigma = result.gap_sigma_m;
+    }
+    print_message("| %s | %.2f | %.2f |\n", c.name, sigma, ratio.value());
+    assert_true(sigma < c.most_m);
+    assert_true(ratio.value() < 1.5);
+  }
+}
+
+TEST(rates_carry_attitude_between_seldom_samples) {
+  print_message("| attitude | roll, interpolated, mrad | with rates 50 Hz, mrad |\n");
+  for (const int rate_hz : {50, 10, 5, 2}) {
+    Sensors sensors;
+    sensors.attitude_us = 1'000'000 / rate_hz;
+    const Result without = simulate(sensors, plain(), 13);
+    sensors.rates_us = 20'000;
+    const Result with = simulate(sensors, plain(), 13);
+    print_message("| %d Hz | %.2f | %.2f |\n", rate_hz, 1e3 * without.pass_roll.value(),
+                  1e3 * with.pass_roll.value());
+    assert_true(with.pass_roll.value() < 0.9 * without.pass_roll.value());
+  }
 }
 
 TEST(pressure_becomes_depth) {
