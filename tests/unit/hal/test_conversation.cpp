@@ -10,7 +10,7 @@
 #include "hal/heads/ping1d.hpp"
 #include "hal/heads/ping360.hpp"
 #include "tests/support/device_bytes.hpp"
-#include "tests/support/head_line.hpp"
+#include "tests/support/ping_line.hpp"
 
 namespace {
 
