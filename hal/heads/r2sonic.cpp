@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "hal/heads/beam_angles.hpp"
 #include "hal/wire.hpp"
 
 namespace leadline::hal {
@@ -331,8 +332,7 @@ bool R2SonicCodec::take_beam(std::size_t index, base::Ping& ping) {
   ping = base::Ping{};
   ping.t_transmit_us = t_transmit_us_;
   ping.t_receive_us = t_transmit_us_ + time_ns / kNsPerUs;
-  ping.azimuth_bam32 = angle < 0 ? 0U - base::kBam32QuarterTurn : base::kBam32QuarterTurn;
-  ping.elevation_bam32 = static_cast<base::Bam32>(kQuarter - (angle < 0 ? -angle : angle));
+  set_fan_beam(ping, static_cast<base::Bam32>(static_cast<std::uint64_t>(angle)));
   ping.mount = config_.mount;
   ping.kind = base::ReturnKind::kRange;
   const unsigned passed = (flags & 1U) + ((flags >> 1U) & 1U);

@@ -6,7 +6,7 @@
 // (equi-angular) or A2 (equi-distant) beam angles, I1 (intensities), Q0 (flags); the rest is stepped over.
 //
 // Direction. A beam's angle is counted across the track from straight below, starboard positive:
-//   v_FRD = (0, sin angle, cos angle),  azimuth = +-90 deg, elevation = 90 deg - |angle|
+//   v_FRD = (0, sin angle, cos angle)                                  (hal/heads/beam_angles.hpp)
 // Roll has not been applied to it. The projector's steering and the mount's tilt of H0 are not applied
 // (0 wherever a head is mounted level; a tilted one is the mount's boresight).
 //

@@ -36,7 +36,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       require(ping.kind == leadline::base::ReturnKind::kRange);
       require(ping.range_um > 0 && ping.range_um <= leadline::base::kMaxRange_um);
       require(ping.t_receive_us >= ping.t_transmit_us);
-      require(ping.elevation_bam32 <= leadline::base::kBam32QuarterTurn);
+      require(ping.elevation_bam32 <= leadline::base::kBam32HalfTurn);
       require(ping.sound_speed_mm_s >= 1'300'000 && ping.sound_speed_mm_s <= 1'700'000);
       more = codec.next(ping);
     }

@@ -61,8 +61,9 @@ TEST(beams_of_an_equi_angular_packet) {
     assert_int_equal(ping.sound_speed_mm_s, 1'514'962);
     assert_near(ping.range_um, counts[i] * 4e-6 * 1514.962 / 2 * 1e6, 2.0);
     const double elevation = kRadPerBam * ping.elevation_bam32;
-    assert_near(elevation, 1.5707963267948966 - std::fabs(angles[i]), 2e-7);
-    assert_int_equal(ping.azimuth_bam32, angles[i] < 0 ? 0xC0000000U : 0x40000000U);
+    assert_near(elevation, 1.5707963267948966 - angles[i], 2e-7);
+    assert_int_equal(ping.azimuth_bam32, leadline::base::kBam32QuarterTurn);
+    assert_int_equal(ping.rotation_bam32, leadline::base::kBam32QuarterTurn);
     assert_int_equal(ping.quality, qualities[i]);
   }
 }
@@ -95,8 +96,7 @@ TEST(steps_of_an_equidistant_packet_add_up) {
       const double before = sum;
       sum += packet.steps[i];
       const double angle = -1.0 + 1.99999999495e-6 * (inclusive ? sum : before);
-      assert_near(kRadPerBam * pings[i].elevation_bam32, 1.5707963267948966 - std::fabs(angle),
-                  1e-7);
+      assert_near(kRadPerBam * pings[i].elevation_bam32, 1.5707963267948966 - angle, 1e-7);
     }
   }
 }
