@@ -1,7 +1,7 @@
 #include "estimator/navigation_filter.hpp"
 
 #include "estimator/filter_access.hpp"
-#include "model/base/angles.hpp"
+#include "model/base/angle.hpp"
 #include "model/base/fixed.hpp"
 
 namespace leadline::estimator {

@@ -1,7 +1,7 @@
 #include "estimator/navigator.hpp"
 
 #include "estimator/wide.hpp"
-#include "model/base/angles.hpp"
+#include "model/base/angle.hpp"
 #include "model/base/fixed.hpp"
 
 namespace leadline::estimator {

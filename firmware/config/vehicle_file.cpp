@@ -10,15 +10,47 @@
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/config/table_file.hpp"
 #include "firmware/config/text.hpp"
+#include "firmware/pipeline/driver_codecs.hpp"
 
 namespace leadline::host {
 namespace {
 
 using firmware::Driver;
+using firmware::driver_name;
 using firmware::MountConfig;
 using firmware::PortConfig;
 
-constexpr std::array<const char*, 3> kDriverNames = {"ping1d", "ping360", "nmea"};
+constexpr std::size_t enabled_driver_count() {
+  std::size_t count = 0;
+  for (const firmware::DriverInfo& info : firmware::kDrivers) {
+    count += firmware::driver_enabled(info.driver) ? 1U : 0U;
+  }
+  return count;
+}
+
+/// Those that this program carries.
+constexpr std::array<firmware::DriverInfo, enabled_driver_count()> enabled_drivers() {
+  std::array<firmware::DriverInfo, enabled_driver_count()> enabled{};
+  std::size_t count = 0;
+  for (const firmware::DriverInfo& info : firmware::kDrivers) {
+    if (firmware::driver_enabled(info.driver)) {
+      enabled[count] = info;
+      ++count;
+    }
+  }
+  return enabled;
+}
+constexpr auto kEnabledDrivers = enabled_drivers();
+
+constexpr std::array<const char*, kEnabledDrivers.size()> enabled_names() {
+  std::array<const char*, kEnabledDrivers.size()> names{};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    names[i] = kEnabledDrivers[i].name;
+  }
+  return names;
+}
+constexpr auto kDriverNames = enabled_names();
+
 constexpr double kBamPerDegree = 4294967296.0 / 360.0;
 constexpr double kUradPerDegree = 3.14159265358979323846 / 180.0 * 1e6;
 
@@ -309,7 +341,7 @@ void refuse_foreign_keys(const TomlSection& section, Driver driver) {
       section.refuse(key, std::string("driver \"") + driver_name(driver) + "\" has no such key");
     }
   };
-  const bool head = driver != Driver::kNmea;
+  const bool head = firmware::is_head(driver);
   for (const char* const key : {"mount", "interval_ms", "min_range_mm", "max_range_mm"}) {
     refuse(key, head);
   }
@@ -328,11 +360,11 @@ void read_port(const TomlSection& section, VehicleFile* file) {
   }
   const std::size_t driver = section.read_choice("driver", kDriverNames, kDriverNames.size());
   if (driver < kDriverNames.size()) {
-    port.driver = static_cast<Driver>(driver + 1);
+    port.driver = kEnabledDrivers[driver].driver;
     refuse_foreign_keys(section, port.driver);
   }
   read_scaled(section, "latency_ms", {-1000, 10'000}, 1e3, &port.latency_us);
-  if (port.driver == Driver::kPing1d || port.driver == Driver::kPing360) {
+  if (firmware::is_head(port.driver)) {
     read_port_mount(section, *file, &port);
     read_port_range(section, file->ranges, &port);
     port.ping_interval_us = port.driver == Driver::kPing1d ? 100'000 : 0;
@@ -512,7 +544,7 @@ void add_ports(const VehicleFile& file, EntryList* list) {
     list->text("uri", hal::uri_text(file.port_uris[i]));
     list->text("driver", driver_name(port.driver));
     list->number("latency_ms", port.latency_us / 1e3);
-    if (port.driver == Driver::kNmea) {
+    if (!firmware::is_head(port.driver)) {
       continue;
     }
     list->text("mount", file.mount_names[port.mount]);
@@ -552,10 +584,6 @@ std::vector<ConfigEntry> entries_of(const VehicleFile& file) {
 }
 
 }  // namespace
-
-const char* driver_name(firmware::Driver driver) {
-  return driver == Driver::kNone ? "none" : kDriverNames[static_cast<std::size_t>(driver) - 1];
-}
 
 VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
                                const std::string& base_dir) {

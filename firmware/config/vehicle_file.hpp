@@ -60,8 +60,6 @@ struct VehicleFile {
 /// The blocks of table_paths. Throws HostError kInput: what is wrong with one and what to do.
 [[nodiscard]] std::vector<model::LocalizationTable> load_tables(const VehicleFile& file);
 
-[[nodiscard]] const char* driver_name(firmware::Driver driver);
-
 /// firmware/vehicle.example.toml, built in.
 [[nodiscard]] const char* vehicle_example();
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "firmware/pipeline/drivers.hpp"
 #include "model/base/pose.hpp"
 #include "model/base/units.hpp"
 #include "model/capacity.hpp"
@@ -16,14 +17,6 @@ inline constexpr int kMaxPorts = 8;   ///< device ports, the link not counted
 inline constexpr int kMaxMounts = 8;  ///< one per sonar head
 /// Localization tables: one per kind of head.
 inline constexpr std::size_t kMaxTables = model::kMaxSensors;
-
-/// Codec at the end of a port.
-enum class Driver : std::uint8_t {
-  kNone = 0,
-  kPing1d = 1,
-  kPing360 = 2,
-  kNmea = 3,  ///< attitude, heading, position, pressure: whatever sentences arrive
-};
 
 struct PortConfig {
   Driver driver;

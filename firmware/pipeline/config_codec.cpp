@@ -146,7 +146,7 @@ void walk(Visit& visit, VehicleConfig& config) {
 
 bool known_enumerators(const VehicleConfig& config) {
   for (const PortConfig& port : config.ports) {
-    if (static_cast<std::uint8_t>(port.driver) > static_cast<std::uint8_t>(Driver::kNmea)) {
+    if (port.driver != Driver::kNone && driver_info(port.driver) == nullptr) {
       return false;
     }
   }

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "firmware/pipeline/config_codec.hpp"
-#include "firmware/pipeline/rotation.hpp"
+#include "firmware/pipeline/mount_pose.hpp"
 #include "model/base/crc32c.hpp"
 #include "model/base/fixed.hpp"
 
@@ -40,10 +40,8 @@ bool within(std::int64_t value, std::int64_t low, std::int64_t high) {
   return value >= low && value <= high;
 }
 
-bool is_head(Driver driver) { return driver == Driver::kPing1d || driver == Driver::kPing360; }
-
 bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
-  if (static_cast<std::uint8_t>(port.driver) > static_cast<std::uint8_t>(Driver::kNmea) ||
+  if ((port.driver != Driver::kNone && !driver_enabled(port.driver)) ||
       !within(port.latency_us, -10'000'000, 10'000'000)) {
     return false;
   }
@@ -197,7 +195,7 @@ void Vehicle::configure_ports() {
     if (i >= config_.port_count) {
       port.driver = Driver::kNone;
     }
-    ports_[i].configure(port, config_.sound_speed_mm_s);
+    ports_[i].configure(port, DeviceSetup{config_.sound_speed_mm_s});
     detector_[i] = model::EchoDetectorConfig{
         model_.table(config_.mounts[port.mount].table).detection_fraction_q16, port.min_range_um,
         port.max_range_um};
