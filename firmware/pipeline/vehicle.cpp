@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "firmware/pipeline/config_codec.hpp"
+#include "firmware/pipeline/intensity.hpp"
 #include "firmware/pipeline/rotation.hpp"
 #include "model/base/crc32c.hpp"
 #include "model/base/fixed.hpp"
@@ -24,6 +25,7 @@ using model::TileId;
 // Of sensors that state a speed; NavigationConfig has no key for it.
 constexpr std::int32_t kSigmaVelocity_mm_s = 50;
 constexpr std::int32_t kLongestLever_mm = 1'000'000;
+constexpr std::int32_t kLargestStep_mdb = 6000;
 constexpr std::uint16_t kLeastMtu_bytes = 64;
 constexpr std::uint16_t kMostMtu_bytes = 1400;
 constexpr std::int32_t kSlowestSound_mm_s = 200'000;
@@ -42,7 +44,9 @@ bool within(std::int64_t value, std::int64_t low, std::int64_t high) {
 
 bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
   if ((port.driver != Driver::kNone && !driver_enabled(port.driver)) ||
-      !within(port.latency_us, -10'000'000, 10'000'000)) {
+      !within(port.latency_us, -10'000'000, 10'000'000) ||
+      !within(port.byte_time_ns, 0, 100'000'000) ||
+      !within(port.intensity_step_mdb, 0, kLargestStep_mdb)) {
     return false;
   }
   return !is_head(port.driver) ||
@@ -254,10 +258,20 @@ TimeUs Vehicle::begin_cycle(TimeUs t_us) {
   return now_us_ - before_us_;
 }
 
+// What the host knows goes first: a port that was opened again has its codec start over before new bytes
+// come from it.
 void Vehicle::take_chunks(const CycleInput& input) {
   std::size_t room = kMaxCycleBytes;
   for (std::size_t i = 0; i < input.chunk_count; ++i) {
+    if (input.chunks[i].port == kHostPort) {
+      take_host_report(input.chunks[i]);
+    }
+  }
+  for (std::size_t i = 0; i < input.chunk_count; ++i) {
     const InputChunk& chunk = input.chunks[i];
+    if (chunk.port == kHostPort) {
+      continue;
+    }
     const std::size_t size = min_of<std::size_t>(chunk.size_bytes, room);
     counters_.bytes_over_limit += chunk.size_bytes - size;
     room -= size;
@@ -265,14 +279,22 @@ void Vehicle::take_chunks(const CycleInput& input) {
   }
 }
 
-void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
-  if (chunk.data == nullptr ||
-      (chunk.port >= config_.port_count && chunk.port != kUplinkPort && chunk.port != kHostPort)) {
+void Vehicle::take_host_report(const InputChunk& chunk) {
+  const HostReport before = host_;
+  if (chunk.data == nullptr || !decode_host_report(chunk.data, chunk.size_bytes, host_)) {
     ++counters_.chunks_ignored;
     return;
   }
-  if (chunk.port == kHostPort) {
-    counters_.chunks_ignored += decode_host_report(chunk.data, size_bytes, host_) ? 0U : 1U;
+  for (int port = 0; port < config_.port_count; ++port) {
+    if (reopened(before, host_, port)) {
+      ports_[port].restart();
+    }
+  }
+}
+
+void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
+  if (chunk.data == nullptr || (chunk.port >= config_.port_count && chunk.port != kUplinkPort)) {
+    ++counters_.chunks_ignored;
     return;
   }
   if (chunk.port == kUplinkPort) {
@@ -343,7 +365,13 @@ void Vehicle::make_ready() {
          !(is_head(config_.ports[port].driver) && config_.ports[port].mount == ready_.mount)) {
     ++port;
   }
-  const model::EchoDetection echo = model::detect_echo(ready_.profile, detector_[port]);
+  base::RangeProfile profile = ready_.profile;
+  if (profile.intensity != nullptr) {
+    energies_of(profile, config_.ports[port].intensity_scale,
+                config_.ports[port].intensity_step_mdb, energies_.data());
+    profile.intensity = energies_.data();
+  }
+  const model::EchoDetection echo = model::detect_echo(profile, detector_[port]);
   ready_.profile = base::RangeProfile{};
   if (!echo.found) {
     ++counters_.profiles_undetected;

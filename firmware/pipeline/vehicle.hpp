@@ -205,6 +205,7 @@ class Vehicle {
   [[nodiscard]] estimator::NavigatorConfig navigator_config() const;
   [[nodiscard]] base::TimeUs begin_cycle(base::TimeUs t_us);
   void take_chunks(const CycleInput& input);
+  void take_host_report(const InputChunk& chunk);
   void take_chunk(const InputChunk& chunk, std::size_t size_bytes);
   void take_device_bytes(std::uint8_t port, const std::uint8_t* data, std::size_t size_bytes,
                          base::TimeUs t_us);
@@ -249,6 +250,7 @@ class Vehicle {
   PingQueue pending_;
   base::Ping ready_{};  ///< the oldest pending ping, its echo detected
   bool has_ready_ = false;
+  std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
   std::size_t mapped_count_ = 0;
   TileSet stale_;

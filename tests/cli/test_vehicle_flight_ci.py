@@ -103,6 +103,20 @@ class Flight(Case):
         self.assertNotIn("port 1 serial:%s/nmea:115200: lost" % self.dir, err)
         self.assertGreater(before, 0)
 
+    def test_a_device_that_is_not_there_is_refused_unless_optional(self):
+        self.sonar_pty.unplug()
+        text = self.config.read_text().replace("optional = true\n", "")
+        self.config.write_text(text)
+        process = self.start()
+        _, err = process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 2)
+        self.assertIn("port 0: \"serial:%s/sonar:115200\": No such file" % self.dir, err)
+        self.config.write_text(text.replace("%s/sonar" % self.dir, str(self.dir)))
+        process = self.start()
+        _, err = process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 2)
+        self.assertIn("port 0: \"serial:%s:115200\": is a folder" % self.dir, err)
+
     def test_a_device_that_comes_later_and_one_that_never_does(self):
         self.nmea_pty.unplug()
         self.sonar_pty.unplug()

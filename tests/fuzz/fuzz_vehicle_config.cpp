@@ -37,7 +37,7 @@ void check_ports(const VehicleFile& file) {
     require(port.driver != Driver::kNone, "a driver for each port");
     require(port.mount < config.mount_count, "mounts that exist");
     require(port.latency_us >= -1'000'000 && port.latency_us <= 10'000'000, "latency");
-    if (port.driver == Driver::kNmea) {
+    if (!leadline::firmware::is_head(port.driver)) {
       continue;
     }
     require(port.min_range_um >= 0 && port.min_range_um < port.max_range_um, "ranges");

@@ -295,8 +295,9 @@ class Case(unittest.TestCase):
             "[navigation]\nmax_wait_ms = 300\n"
             "[[mount]]\nname = \"down\"\ntable = \"beam.llt\"\n"
             f"[[port]]\nuri = \"serial:{self.dir}/sonar\"\ndriver = \"ping1d\"\n"
-            f"interval_ms = {interval_ms}\n"
+            f"optional = true\ninterval_ms = {interval_ms}\n"
             f"[[port]]\nuri = \"serial:{self.dir}/nmea\"\ndriver = \"nmea\"\n"
+            "optional = true\n"
             f"[link]\nuri = \"udp:127.0.0.1:{port}\"\nstatus_interval_s = 0.5\n" +
             ("[log]\npath = \"survey.lll\"\n" if log else "") + extra)
 

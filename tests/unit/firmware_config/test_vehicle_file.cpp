@@ -108,7 +108,8 @@ TEST(every_key_is_read) {
       "v.toml", "/survey");
   const VehicleConfig& config = file.config;
   assert_true(config.survey_id == 9'007'199'254'740'991U);
-  assert_string_equal(file.survey_name.c_str(), "basin");
+  assert_string_equal(config.survey_name, "basin");
+  assert_string_equal(config.vertical_datum, "MSL");
   assert_int_equal(config.model.min_range_um, 700'000);
   assert_int_equal(config.model.detect_range_um, 30'000'000);
   assert_int_equal(config.model.no_return, leadline::model::NoReturnPolicy::kEmpty);
