@@ -83,6 +83,7 @@ hal::KellerConfig keller_config(const PortConfig& port, const DeviceSetup& /*set
 
 hal::Nmea2000Config nmea2000_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
   hal::Nmea2000Config sensor;
+  sensor.pressure_source = hal::kN2kPressureWater;  // a barometer's must not become depth
   set(sensor.source, port.address, port.address != 0);
   sensor.use_variation = has(port, kPortUseVariation);
   sensor.yaw_true = has(port, kPortOtherNorth);
@@ -92,10 +93,31 @@ hal::Nmea2000Config nmea2000_config(const PortConfig& port, const DeviceSetup& /
 
 hal::MavlinkConfig mavlink_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
   hal::MavlinkConfig sensor;
+  sensor.take = hal::kTakeArduSub;
   set(sensor.system, port.address, port.address != 0);
   sensor.heading_true = !has(port, kPortOtherNorth);
   sensor.byte_time_ns = port.byte_time_ns;
   return sensor;
+}
+
+hal::KellerConfig keller_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::KellerConfig sensor;
+  if (port.ping_interval_us > 0) {
+    sensor.poll_interval_us = port.ping_interval_us;
+  }
+  return sensor;
+}
+
+hal::Nmea2000Config nmea2000_config(const PortConfig& /*port*/, const DeviceSetup& /*setup*/) {
+  hal::Nmea2000Config bus;
+  bus.pressure_source = hal::kN2kPressureWater;  // a barometer's must not become depth
+  return bus;
+}
+
+hal::MavlinkConfig mavlink_config(const PortConfig& /*port*/, const DeviceSetup& /*setup*/) {
+  hal::MavlinkConfig autopilot;
+  autopilot.take = hal::kTakeArduSub;
+  return autopilot;
 }
 
 }  // namespace leadline::firmware

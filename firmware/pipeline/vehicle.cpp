@@ -316,6 +316,9 @@ void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std
   for (std::size_t i = 0; i < size_bytes; ++i) {
     for (RecordKind kind = device.feed(data[i], t_us, record); kind != RecordKind::kNone;
          kind = device.next(record)) {
+      if (kind == RecordKind::kSample && record.sample.fields == 0) {
+        continue;  // the sensor says that it knows nothing
+      }
       ++tally.records;
       watch_.last_record_us[port] = now_us_;
       if (kind == RecordKind::kPing) {
