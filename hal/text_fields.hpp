@@ -115,11 +115,13 @@ struct TextLine {
   std::size_t size_bytes;  ///< kWhole: with the end
 };
 
-/// The line that begins at `bytes` with one of its own `start` characters. At most `max_bytes` without the
-/// end. O(available).
+/// The line that begins at `bytes` with one of its own `start` characters (0: any, and it may come again).
+/// At most `max_bytes` without the end. The first `seen` bytes (at least 1) are known to be text of this
+/// line. O(available - seen).
 [[nodiscard]] constexpr TextLine find_line(const std::uint8_t* bytes, std::size_t available,
-                                           std::uint8_t start, std::size_t max_bytes) {
-  for (std::size_t i = 1; i < available; ++i) {
+                                           std::uint8_t start, std::size_t max_bytes,
+                                           std::size_t seen = 1) {
+  for (std::size_t i = seen; i < available; ++i) {
     const std::uint8_t byte = bytes[i];
     if (byte == '\n') {
       return {LineState::kWhole, i, i + 1};
