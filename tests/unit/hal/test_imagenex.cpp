@@ -366,7 +366,7 @@ TEST(a_bad_line) {
   ImagenexCodec codec(model(ImagenexModel::kSounder852));
   EmulatedImagenex head(device(ImagenexHead::kSounder852), wall);
   HeadLine<ImagenexCodec> line(codec, head, down, up);
-  assert_true(line.count_until(20 * kSecond_us) > 100);
+  assert_true(line.count_until(20 * kSecond_us) > 50);
   assert_true(codec.counters().timeouts > 10);
   assert_true(head.refused() > 2);
 }
