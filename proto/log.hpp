@@ -94,15 +94,15 @@ struct LogGap {
 struct LogEnd {
   base::TimeUs t_us;
   std::uint32_t cycle_count;
-  std::uint64_t map_hash;   ///< model's, over all voxels
-  std::uint64_t link_hash;  ///< cell.hpp, over all tiles as coded
-  std::uint64_t pings_in;   ///< decoded
+  std::uint64_t map_hash;    ///< model's, over all voxels
+  std::uint64_t cells_hash;  ///< cell.hpp, over all tiles as coded
+  std::uint64_t link_hash;   ///< 64-bit FNV-1a over all downlink bytes in order
+  std::uint64_t pings_in;    ///< decoded
   std::uint64_t pings_fused;
   std::uint64_t pings_shed;
   std::uint64_t pings_rejected;  ///< all other outcomes
   std::uint64_t cells_sent;
   std::uint64_t downlink_bytes;
-  std::uint32_t downlink_crc;  ///< CRC-32C of all downlink bytes in order
 };
 
 [[nodiscard]] base::Result<std::size_t> encode_log_header(const LogHeader& header,

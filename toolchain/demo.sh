@@ -135,7 +135,7 @@ summary = {
     "pings_per_s": round(vehicle["pings_mapped"] / cpu_s, 1),
     "bytes_per_changed_cell": round(topside["bytes_per_changed_cell"], 4),
     # Three computed it on their own: the vehicle, the topside, the replay.
-    "topside_equals_vehicle": topside["link_hash"] == vehicle["cells_hash"] == replay["link_hash"],
+    "topside_equals_vehicle": topside["cells_hash"] == vehicle["cells_hash"] == replay["cells_hash"],
     "log": sys.argv[3],
 }
 text = json.dumps(summary, indent=2)

@@ -163,9 +163,7 @@ class Vehicle {
   [[nodiscard]] std::uint64_t map_hash() const { return model_.grid().map_hash(); }
   /// 64-bit FNV-1a over every downlink byte since configure(). O(1).
   [[nodiscard]] std::uint64_t link_hash() const { return downlink_.hash(); }
-  /// CRC-32C of the same bytes. O(1).
-  [[nodiscard]] std::uint32_t downlink_crc() const { return downlink_.crc(); }
-  /// Hash of the map as the link has it (proto/cell.hpp "link_hash"): what a receiver that missed nothing
+  /// Hash of the map as the link has it (proto/cell.hpp "cells_hash"): what a receiver that missed nothing
   /// computes from its own tiles. O(grid).
   [[nodiscard]] std::uint64_t cells_hash() const { return link_map_.hash(); }
   /// The 256 cells of a tile as last queued for the link.

@@ -168,7 +168,7 @@ MissionLinks simulated_links(const Mission& mission) {
 std::string summary_json(const Fleet& fleet, const FlightSummary& flight, const Receiver& receiver,
                          std::uint64_t log_bytes) {
   const bool equal =
-      receiver.store() != nullptr && receiver.store()->link_hash() == flight.end.link_hash;
+      receiver.store() != nullptr && receiver.store()->cells_hash() == flight.end.cells_hash;
   std::string text = fleet_summary_json(fleet, flight.flown_us);
   text.resize(text.rfind("\n}"));
   text += ",\n  \"cycles\": " + std::to_string(flight.cycles) +

@@ -161,7 +161,7 @@ void Receiver::take_hello(const proto::FrameView& frame) {
   }
   store_ = std::make_unique<TileStore>(said);
   status_.reset();
-  vehicle_link_hash_.reset();
+  vehicle_cells_hash_.reset();
   resend_after_ = 0;
   map_cells_ = 0;
   cells_lost_ = cells_made_up_ = 0;
@@ -233,7 +233,7 @@ void Receiver::take_text(const proto::FrameView& frame) {
 void Receiver::take_end(const proto::FrameView& frame) {
   const auto end = proto::decode_log_end(frame.payload, frame.payload_bytes);
   if (end.ok()) {
-    vehicle_link_hash_ = end.value().link_hash;
+    vehicle_cells_hash_ = end.value().cells_hash;
   }
 }
 

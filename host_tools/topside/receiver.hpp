@@ -65,8 +65,8 @@ class Receiver {
   /// Bytes of tile deltas per cell that they carried; 0 when there is none.
   [[nodiscard]] double bytes_per_changed_cell() const;
   /// What the end record of a log said of the vehicle's map, where one was read.
-  [[nodiscard]] const std::optional<std::uint64_t>& vehicle_link_hash() const {
-    return vehicle_link_hash_;
+  [[nodiscard]] const std::optional<std::uint64_t>& vehicle_cells_hash() const {
+    return vehicle_cells_hash_;
   }
 
   /// Texts of the vehicle and findings of the receiver since the last call.
@@ -91,7 +91,7 @@ class Receiver {
   proto::FrameDecoderBuffer<> buffer_;
   std::unique_ptr<TileStore> store_;
   std::optional<proto::Status> status_;
-  std::optional<std::uint64_t> vehicle_link_hash_;
+  std::optional<std::uint64_t> vehicle_cells_hash_;
   ReceiverCounters counters_;
   std::vector<ReceiverNotice> notices_;
   /// Tile deltas that came before the hello that explains them.

@@ -56,7 +56,7 @@ class Flight(Case):
         self.assertEqual(log.types[-1], END)
         end = log.end()
         self.assertEqual(f"0x{end['map_hash']:016x}", summary["map_hash"])
-        self.assertEqual(f"0x{end['link_hash']:016x}", summary["cells_hash"])
+        self.assertEqual(f"0x{end['cells_hash']:016x}", summary["cells_hash"])
         self.assertEqual(end["pings_in"], summary["pings_in"])
         self.assertEqual(end["cycle_count"], summary["cycles"])
         # Configuration and tables are in it, whole.

@@ -98,9 +98,9 @@ class Log:
         return [struct.unpack("<IqIHH", payload[1:]) for payload in self.of(CYCLE)]
 
     def end(self):
-        names = ("t_us", "cycle_count", "map_hash", "link_hash", "pings_in", "pings_fused", "pings_shed",
-                 "pings_rejected", "cells_sent", "downlink_bytes", "downlink_crc")
-        return dict(zip(names, struct.unpack("<qI8QI", self.of(END)[-1][1:])))
+        names = ("t_us", "cycle_count", "map_hash", "cells_hash", "link_hash", "pings_in", "pings_fused", "pings_shed",
+                 "pings_rejected", "cells_sent", "downlink_bytes")
+        return dict(zip(names, struct.unpack("<qI9Q", self.of(END)[-1][1:])))
 
     def gaps(self):
         """(t_us, reason, lost_records, lost_bytes)"""

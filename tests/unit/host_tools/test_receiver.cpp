@@ -134,7 +134,7 @@ TEST(a_clean_link_gives_the_vehicles_map) {
     feed(&receiver, Bytes(packet.begin(), middle));
     feed(&receiver, Bytes(middle, packet.end()));
   }
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
   assert_int_equal(receiver.store()->tiles_incomplete(), 0);
   assert_int_equal(receiver.counters().deltas, 100);
   assert_int_equal(receiver.counters().delta_bytes, bytes);
@@ -192,7 +192,7 @@ TEST(a_bad_link_never_gives_a_wrong_cell_and_heals_on_request) {
   for (std::uint32_t tile = 0; tile < 16; ++tile) {
     feed(&receiver, vehicle.repeat(tile));
   }
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
 }
 
 TEST(a_resend_request_names_the_tiles) {
@@ -258,7 +258,7 @@ TEST(who_joins_late_asks_for_what_never_came_once_the_vehicle_is_quiet) {
   feed(&receiver, vehicle.repeat(3));
   feed(&receiver, status_frame(3, 0, 500 + receiver.counters().delta_cells - before));
   assert_true(asked_for(&receiver).empty());
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
 }
 
 TEST(a_lost_last_word_is_found_by_counting_cells) {
@@ -272,7 +272,7 @@ TEST(a_lost_last_word_is_found_by_counting_cells) {
   const std::uint64_t came = receiver.counters().delta_cells;
   feed(&receiver, status_frame(1, 0, came + 17));
   assert_int_equal(receiver.store()->tiles_incomplete(), 0);
-  assert_true(receiver.store()->link_hash() != vehicle.hash());
+  assert_true(receiver.store()->cells_hash() != vehicle.hash());
   const auto ranges = asked_for(&receiver);
   assert_int_equal(ranges.size(), 1);
   assert_int_equal(ranges[0].count, 16);
@@ -280,7 +280,7 @@ TEST(a_lost_last_word_is_found_by_counting_cells) {
   const std::uint64_t again = receiver.counters().delta_cells - came;
   feed(&receiver, status_frame(1, 0, came + 17 + again));
   assert_true(asked_for(&receiver).empty());
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
   // Once is enough.
   feed(&receiver, status_frame(1, 0, came + 17 + again));
   assert_true(asked_for(&receiver).empty());
@@ -295,7 +295,7 @@ TEST(who_joins_late_keeps_what_comes_before_the_hello) {
   }
   assert_true(receiver.store() == nullptr);
   feed(&receiver, hello_frame(grid_hello()));
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
   assert_int_equal(receiver.counters().before_hello, 0);
 }
 
