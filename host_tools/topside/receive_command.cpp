@@ -293,7 +293,8 @@ class Session {
               << store.known_tiles() << " tiles (" << store.tiles_incomplete() << " incomplete)\n"
               << counters.bytes << " bytes, " << counters.frames << " frames ("
               << counters.damaged_frames << " damaged), "
-              << fixed_text(receiver_.bytes_per_changed_cell(), 2) << " bytes per changed cell\n"
+              << fixed_text(receiver_.bytes_per_changed_cell(), 2) << " bytes per changed cell, "
+              << fixed_text(receiver_.bytes_per_changed_cell_all(), 2) << " with all else\n"
               << "cells_hash=" << hex_text(store.cells_hash(), 16);
     if (vehicle_cells_hash_) {
       std::cout << (*vehicle_cells_hash_ == store.cells_hash() ? ", the vehicle's own"
@@ -372,6 +373,7 @@ std::string receive_summary_json(const Receiver& receiver,
   add("delta_cells", std::to_string(counters.delta_cells));
   add("repeated_cells", std::to_string(counters.repeated_cells));
   add("bytes_per_changed_cell", json_number(receiver.bytes_per_changed_cell()));
+  add("bytes_per_changed_cell_all", json_number(receiver.bytes_per_changed_cell_all()));
   if (receiver.status()) {
     add("pings", std::to_string(receiver.status()->pings[proto::kPingFused]));
     add("alarms", json_string(alarm_text(receiver.status()->alarms)));

@@ -185,7 +185,7 @@ TEST(what_the_host_knows_reaches_the_status) {
   leadline::proto::Status status{};
   bool found = false;
   const auto decoder = std::make_unique<leadline::proto::FrameDecoderBuffer<>>();
-  for (leadline::base::TimeUs t_us = 20'000; t_us < 3'000'000 && !found; t_us += 20'000) {
+  for (leadline::base::TimeUs t_us = 20'000; t_us < 20'000'000 && !found; t_us += 20'000) {
     CycleOutput output{};
     vehicle.cycle({t_us, chunks, t_us == 20'000 ? std::size_t{2} : 0, 100'000}, output);
     for (std::size_t i = 0; i < output.downlink.size_bytes; ++i) {
