@@ -1,8 +1,8 @@
 // The recorded log: frames of proto/framing, one record each, the downlink's own frames among them as
 // they were sent. Bit by bit in proto/SPEC.md, "Log".
 //
-//   log = header, config pieces, table pieces, then per cycle: its chunks, the cycle record, the downlink
-//         frames that it made; gaps where something was lost; end
+//   log = header, config pieces, table pieces, the same once more, then per cycle: its chunks, the cycle
+//         record, the downlink frames that it made; gaps where something was lost; end
 //
 // A log that is cut at any byte loses at most its last record; a byte that changed costs one record.
 // Encoders and decoders keep the rules of messages.hpp; spans of decoded records point into the payload.

@@ -77,8 +77,10 @@ class Flight {
     for (const std::vector<std::uint8_t>& table : tables) {
       blocks.push_back({table.data(), table.size()});
     }
-    must(firmware::log_begin(writer_, vehicle_->config(), blocks.data(), blocks.size(), 0, 0));
-    flush();
+    for (int copy = 0; copy < firmware::kLogPreambleCopies; ++copy) {
+      must(firmware::log_begin(writer_, vehicle_->config(), blocks.data(), blocks.size(), 0, 0));
+      flush();
+    }
   }
 
   void flush() {

@@ -107,8 +107,10 @@ class Log:
         return [struct.unpack("<qBIQ", payload[1:]) for payload in self.of(GAP)]
 
     def blob(self, kind):
-        head = 6
-        return b"".join(payload[head:] for payload in self.of(kind))
+        # All of them stand there twice.
+        pieces = {payload[1:6]: payload[6:] for payload in self.of(kind)}
+        assert len(self.of(kind)) == 2 * len(pieces)
+        return b"".join(pieces.values())
 
 
 # ---- Devices -----------------------------------------------------------------------------------

@@ -163,6 +163,23 @@ TEST(the_set_agrees_with_a_map) {
       assert_int_equal(shadow[best].second + cycle - shadow[best].first, top);
     }
     assert_int_equal(set.size(), shadow.size());
+    // Of those that are due alone.
+    const auto heavy = static_cast<std::uint32_t>(random.between(200, 300));
+    const auto old = static_cast<std::uint32_t>(random.between(0, 400));
+    std::uint32_t top = 0;
+    bool any = false;
+    for (const auto& [tile, entry] : shadow) {
+      assert_int_equal(set.age(tile, cycle), cycle - entry.first);
+      if (entry.second >= heavy || cycle - entry.first >= old) {
+        any = true;
+        top = std::max(top, entry.second + cycle - entry.first);
+      }
+    }
+    assert_int_equal(set.best_due(cycle, heavy, old, best), any);
+    if (any) {
+      assert_int_equal(shadow[best].second + cycle - shadow[best].first, top);
+      assert_true(shadow[best].second >= heavy || cycle - shadow[best].first >= old);
+    }
   }
 }
 

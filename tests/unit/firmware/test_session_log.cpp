@@ -1,4 +1,5 @@
 // A flight in process, written as the vehicle's program writes it, read back, and flown again from the log.
+#include <algorithm>
 #include <cstring>
 #include <memory>
 #include <vector>
@@ -60,7 +61,10 @@ void take(const LogRecord& record, RecordedCycle* open, ReadBack* out) {
     case MessageType::kLogTable: {
       const auto piece = leadline::proto::decode_log_piece(payload, size).value();
       auto& blob = record.type == MessageType::kLogConfig ? out->config : out->table;
-      blob.insert(blob.end(), piece.bytes.data, piece.bytes.data + piece.bytes.size_bytes);
+      const std::size_t end = piece.offset_bytes + piece.bytes.size_bytes;
+      blob.resize(std::max(blob.size(), end));
+      std::copy_n(piece.bytes.data, piece.bytes.size_bytes,
+                  blob.begin() + static_cast<std::ptrdiff_t>(piece.offset_bytes));
       return;
     }
     case MessageType::kLogChunk: {
@@ -126,7 +130,9 @@ TEST(a_log_flies_again_to_the_same_map_and_the_same_frames) {
     writer.clear();
   };
   const TableBlock table = {&leadline::test::rig_table(), sizeof leadline::test::rig_table()};
-  keep(log_begin(writer, config, &table, 1, flown.front().t_us, 1'700'000'000'000'000));
+  for (int copy = 0; copy < leadline::firmware::kLogPreambleCopies; ++copy) {
+    keep(log_begin(writer, config, &table, 1, flown.front().t_us, 1'700'000'000'000'000));
+  }
   std::vector<InputChunk> chunks;
   std::uint32_t number = 0;
   for (const RecordedCycle& cycle : flown) {

@@ -208,10 +208,12 @@ Bytes golden_log() {
   header.table_count = 2;
   header.tables[0] = {crc32c(small.data(), small.size()), 40};
   header.tables[1] = {crc32c(large.data(), large.size()), 5000};
-  assert_int_equal(static_cast<int>(writer.header(header)), 0);
-  assert_int_equal(static_cast<int>(writer.config(config.data(), config.size())), 0);
-  assert_int_equal(static_cast<int>(writer.table(0, small.data(), small.size())), 0);
-  assert_int_equal(static_cast<int>(writer.table(1, large.data(), large.size())), 0);
+  for (int copy = 0; copy < 2; ++copy) {
+    assert_int_equal(static_cast<int>(writer.header(header)), 0);
+    assert_int_equal(static_cast<int>(writer.config(config.data(), config.size())), 0);
+    assert_int_equal(static_cast<int>(writer.table(0, small.data(), small.size())), 0);
+    assert_int_equal(static_cast<int>(writer.table(1, large.data(), large.size())), 0);
+  }
   LogEnd end{};
   for (std::uint32_t cycle = 0; cycle < kGoldenCycles; ++cycle) {
     const auto t_us = static_cast<std::int64_t>(cycle) * 100'000;
@@ -299,12 +301,13 @@ TEST(golden_log_reads_as_when_it_was_written) {
   assert_true(log == written);
 
   const Read read = read_log(log);
-  assert_int_equal(read.records.size(), 16);
+  assert_int_equal(read.records.size(), 21);
   assert_int_equal(read.counters.gaps, 0);
   assert_false(read.mid_record);
   const auto type = [&read](std::size_t i) { return int{read.records[i][0]}; };
-  const std::array<int, 16> types = {0x80, 0x81, 0x82, 0x82, 0x82, 0x84, 0x01, 0x83,
-                                     0x84, 0x03, 0x83, 0x83, 0x84, 0x02, 0x85, 0x86};
+  const std::array<int, 21> types = {0x80, 0x81, 0x82, 0x82, 0x82, 0x80, 0x81,
+                                     0x82, 0x82, 0x82, 0x84, 0x01, 0x83, 0x84,
+                                     0x03, 0x83, 0x83, 0x84, 0x02, 0x85, 0x86};
   for (std::size_t i = 0; i < types.size(); ++i) {
     assert_int_equal(type(i), types[i]);
   }
