@@ -45,7 +45,7 @@ std::vector<KnownTable> known_tables() {
       {"port", port_keys(), true},
       {"link",
        {"uri", "optional", "rate_bytes_s", "baud", "mtu_bytes", "status_interval_s",
-        "hello_interval_s"},
+        "hello_interval_s", "max_tile_age_s"},
        false},
       {"log", {"path", "max_bytes"}, false},
   };
@@ -82,7 +82,8 @@ void set_defaults(VehicleFile* file) {
   config.link.rate_bytes_s = 125'000;
   config.link.mtu_bytes = 1200;
   config.link.status_interval_us = 1'000'000;
-  config.link.hello_interval_us = 10'000'000;
+  config.link.hello_interval_us = 30'000'000;
+  config.link.max_tile_age_us = 1'500'000;
 }
 
 void read_survey(TomlReader* reader, VehicleFile* file) {
@@ -261,7 +262,7 @@ void read_link(TomlReader* reader, VehicleFile* file) {
   if (section.has("baud") && section.has("rate_bytes_s")) {
     section.find("baud", "baud and rate_bytes_s say the same: give one of them");
   }
-  read_whole(section, "mtu_bytes", {64, 1400}, &link.mtu_bytes);
+  read_whole(section, "mtu_bytes", {128, 1400}, &link.mtu_bytes);
   const auto read_seconds = [&](const char* key, std::uint32_t* value_us) {
     double seconds = 0;
     if (section.read_number(key, {0, 3600, true}, &seconds)) {
@@ -270,6 +271,10 @@ void read_link(TomlReader* reader, VehicleFile* file) {
   };
   read_seconds("status_interval_s", &link.status_interval_us);
   read_seconds("hello_interval_s", &link.hello_interval_us);
+  double age_s = 0;
+  if (section.read_number("max_tile_age_s", {0, 60}, &age_s)) {
+    link.max_tile_age_us = static_cast<std::uint32_t>(std::llround(age_s * 1e6));
+  }
 }
 
 void read_log(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
@@ -391,6 +396,7 @@ std::vector<ConfigEntry> entries_of(const VehicleFile& file) {
   list.integer("mtu_bytes", link.mtu_bytes);
   list.scaled("status_interval_s", link.status_interval_us, 1e6);
   list.scaled("hello_interval_s", link.hello_interval_us, 1e6);
+  list.scaled("max_tile_age_s", link.max_tile_age_us, 1e6);
   if (!file.log.path.empty()) {
     list.in("log");
     list.text("path", file.log.path);

@@ -301,7 +301,9 @@ void VehicleLoop::begin_log(base::TimeUs t_us) {
     throw HostError(ExitCode::kInternal,
                     std::string("the log's header: ") + base::status_text(status));
   }
-  (void)recorder_->push(t_us, writer.data(), writer.size_bytes(), 3);
+  for (int copy = 0; copy < firmware::kLogPreambleCopies; ++copy) {
+    (void)recorder_->push(t_us, writer.data(), writer.size_bytes(), 3);
+  }
 }
 
 void VehicleLoop::record(const firmware::CycleInput& input, const firmware::CycleOutput& output) {

@@ -90,10 +90,13 @@ struct NavigationConfig {
 
 struct LinkConfig {
   std::uint32_t rate_bytes_s;  ///< budget, framing included
-  std::uint16_t mtu_bytes;     ///< largest frame on the wire, 64 .. 1400
+  std::uint16_t mtu_bytes;     ///< largest frame on the wire, 128 .. 1400
   std::uint16_t reserved;
-  std::uint32_t status_interval_us;
-  std::uint32_t hello_interval_us;
+  std::uint32_t status_interval_us;  ///< shortest; longer where the link is slow
+  std::uint32_t hello_interval_us;   ///< longest; shorter while the vehicle is new
+  /// A changed tile waits this long for more changes, so that a packet has cells enough for its headers;
+  /// 0 = not at all.
+  std::uint32_t max_tile_age_us;
 };
 
 /// Bytes of UTF-8, zeros behind them.

@@ -149,6 +149,7 @@ void walk(Visit& visit, VehicleConfig& config) {
   visit(config.link.mtu_bytes);
   visit(config.link.status_interval_us);
   visit(config.link.hello_interval_us);
+  visit(config.link.max_tile_age_us);
   visit(config.session);
   walk_array(visit, config.survey_name);
   walk_array(visit, config.vertical_datum);

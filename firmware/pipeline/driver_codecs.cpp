@@ -100,24 +100,4 @@ hal::MavlinkConfig mavlink_config(const PortConfig& port, const DeviceSetup& /*s
   return sensor;
 }
 
-hal::KellerConfig keller_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
-  hal::KellerConfig sensor;
-  if (port.ping_interval_us > 0) {
-    sensor.poll_interval_us = port.ping_interval_us;
-  }
-  return sensor;
-}
-
-hal::Nmea2000Config nmea2000_config(const PortConfig& /*port*/, const DeviceSetup& /*setup*/) {
-  hal::Nmea2000Config bus;
-  bus.pressure_source = hal::kN2kPressureWater;  // a barometer's must not become depth
-  return bus;
-}
-
-hal::MavlinkConfig mavlink_config(const PortConfig& /*port*/, const DeviceSetup& /*setup*/) {
-  hal::MavlinkConfig autopilot;
-  autopilot.take = hal::kTakeArduSub;
-  return autopilot;
-}
-
 }  // namespace leadline::firmware

@@ -26,8 +26,10 @@ using model::TileId;
 constexpr std::int32_t kSigmaVelocity_mm_s = 50;
 constexpr std::int32_t kLongestLever_mm = 1'000'000;
 constexpr std::int32_t kLargestStep_mdb = 6000;
-constexpr std::uint16_t kLeastMtu_bytes = 64;
+// The largest hello takes 125.
+constexpr std::uint16_t kLeastMtu_bytes = 128;
 constexpr std::uint16_t kMostMtu_bytes = 1400;
+constexpr std::uint32_t kLongestTileAge_us = 60'000'000;
 constexpr std::int32_t kSlowestSound_mm_s = 200'000;
 constexpr std::int32_t kFastestSound_mm_s = 6'000'000;
 // Columns that one tile of the budget pays for: it reads, smooths and assesses its own, and one more share
@@ -57,7 +59,8 @@ bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
 
 bool link_sound(const LinkConfig& link) {
   return link.rate_bytes_s > 0 && within(link.mtu_bytes, kLeastMtu_bytes, kMostMtu_bytes) &&
-         link.status_interval_us > 0 && link.hello_interval_us > 0;
+         link.status_interval_us > 0 && link.hello_interval_us > 0 &&
+         link.max_tile_age_us <= kLongestTileAge_us;
 }
 
 bool mount_sound(const MountConfig& mount) {
@@ -219,6 +222,7 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   note_touched_tiles();
   extract_tiles();
   update_alarms();
+  frame_waits_ = false;
   send_hello();
   send_status();
   send_texts();
@@ -245,6 +249,7 @@ TimeUs Vehicle::begin_cycle(TimeUs t_us) {
     }
     watch_.status_due_us = limited;
     watch_.hello_due_us = limited;
+    watch_.hello_sent_us = limited;
     return 0;
   }
   before_us_ = now_us_;

@@ -195,7 +195,8 @@ std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
   text += nmea_port_text(links.port_uris[port + 1], kFixLatency_us, kGga_bytes) + "\n";
   text += nmea_port_text(links.port_uris[port + 2], kPressureLatency_us, kPrvat_bytes) + "\n";
   text += "[link]\nuri = " + quoted(links.link_uri) +
-          "\nrate_bytes_s = " + std::to_string(mission.link_rate_bytes_s) + "\n";
+          "\nrate_bytes_s = " + std::to_string(mission.link_rate_bytes_s) +
+          "\nmax_tile_age_s = " + number_text(mission.link_max_tile_age_s) + "\n";
   if (!links.log_path.empty()) {
     text += "\n[log]\npath = " + quoted(links.log_path) + "\n";
   }
