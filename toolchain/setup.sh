@@ -11,11 +11,12 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-# Compiler and build; libraries of host_tools; the demo's font; tests; benches.
+# Compiler and build; libraries of host_tools; the demo's font; of the ports; tests; benches.
 packages=(
   g++ cmake ninja-build pkg-config python3
   libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev
   fonts-dejavu-core
+  libmodbus-dev libgpiod-dev
   libcmocka-dev
   libeigen3-dev
   libbenchmark-dev liboctomap-dev libzstd-dev
