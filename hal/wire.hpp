@@ -32,6 +32,11 @@ namespace leadline::hal {
 [[nodiscard]] constexpr std::int16_t as_i16(std::uint16_t bits) {
   return static_cast<std::int16_t>(bits < 0x8000U ? bits : static_cast<int>(bits) - 0x10000);
 }
+[[nodiscard]] constexpr std::int64_t as_i64(std::uint64_t bits) {
+  // ~bits is below 2^63 where bits is not: no conversion leaves the range of the type.
+  return bits < 0x8000000000000000U ? static_cast<std::int64_t>(bits)
+                                    : -static_cast<std::int64_t>(~bits) - 1;
+}
 [[nodiscard]] constexpr std::int32_t as_i32(std::uint32_t bits) {
   return static_cast<std::int32_t>(bits < 0x80000000U
                                        ? static_cast<std::int64_t>(bits)
@@ -87,6 +92,76 @@ inline constexpr std::int64_t kMaxFloatScale = std::int64_t{1} << 38U;
   const auto value = static_cast<std::int64_t>(magnitude);
   out = (bits & 0x80000000U) != 0 ? -value : value;
   return true;
+}
+
+/// Largest scale of f64_bits_to_integer(). Inclusive.
+inline constexpr std::int64_t kMaxDoubleScale = 0xFFFFFFFF;
+
+/// The IEEE 754 double with these bits, times `scale` (1 .. kMaxDoubleScale), rounded to the nearest
+/// integer (halves away from zero), without floating point. False, and `out` left alone, for NaN,
+/// infinity and whatever does not fit 62 bits. O(1).
+[[nodiscard]] constexpr bool f64_bits_to_integer(std::uint64_t bits, std::int64_t scale,
+                                                 std::int64_t& out) {
+  const auto biased = static_cast<std::uint32_t>((bits >> 52U) & 0x7FFU);
+  if (biased == 0x7FFU || scale < 1 || scale > kMaxDoubleScale) {
+    return false;
+  }
+  // value = mantissa * 2^exponent; the product of 85 bits is high * 2^32 + low.
+  const std::uint64_t fraction = bits & 0xFFFFFFFFFFFFFU;
+  const std::uint64_t mantissa = biased == 0 ? fraction : fraction | 0x10000000000000U;
+  const int exponent = (biased == 0 ? 1 : static_cast<int>(biased)) - 1075;
+  const std::uint64_t low_part = (mantissa & 0xFFFFFFFFU) * static_cast<std::uint64_t>(scale);
+  const std::uint64_t high =
+      (mantissa >> 32U) * static_cast<std::uint64_t>(scale) + (low_part >> 32U);
+  const std::uint64_t low = low_part & 0xFFFFFFFFU;
+  constexpr std::uint64_t kLimit = std::uint64_t{1} << 62U;
+  std::uint64_t magnitude = 0;
+  if (exponent >= 0) {
+    const bool fits = high < (std::uint64_t{1} << 30U);
+    const std::uint64_t whole = (high << 32U) | low;
+    if (whole != 0 || high != 0) {
+      if (!fits || exponent > 61 || whole >= (kLimit >> exponent)) {
+        return false;
+      }
+      magnitude = whole << exponent;
+    }
+  } else if (exponent >= -32) {
+    const int shift = -exponent;
+    if (high >= (std::uint64_t{1} << (29 + shift))) {
+      return false;
+    }
+    magnitude = (high << (32 - shift)) + ((low + (std::uint64_t{1} << (shift - 1))) >> shift);
+  } else if (exponent >= -94) {
+    // What `low` adds is below a unit of `high`: it cannot make a half.
+    const int shift = -exponent - 32;
+    magnitude = (high + (std::uint64_t{1} << (shift - 1))) >> shift;
+  }
+  const auto value = static_cast<std::int64_t>(magnitude);
+  out = (bits >> 63U) != 0 ? -value : value;
+  return true;
+}
+
+/// The IEEE 754 single nearest to numerator / denominator (1 .. 2^24), |numerator| below 2^32: within one
+/// unit in the last place for quotients above 2^-8, coarser below. O(1).
+[[nodiscard]] constexpr std::uint32_t f32_bits_of_ratio(std::int64_t numerator,
+                                                        std::uint32_t denominator) {
+  const std::uint32_t sign = numerator < 0 ? 0x80000000U : 0U;
+  const auto magnitude = static_cast<std::uint64_t>(numerator < 0 ? -numerator : numerator);
+  // value = quotient * 2^-31
+  std::uint64_t quotient = (magnitude << 31U) / denominator;
+  if (quotient == 0) {
+    return sign;
+  }
+  std::uint32_t biased = 127 + 23 - 31;
+  for (; quotient >= (std::uint64_t{1} << 25U); ++biased) {
+    quotient >>= 1U;
+  }
+  for (; quotient < (std::uint64_t{1} << 24U); --biased) {
+    quotient <<= 1U;
+  }
+  // 25 bits: the last one rounds, and a carry runs into the exponent as it should.
+  quotient = (quotient >> 1U) + (quotient & 1U);
+  return sign | ((biased << 23U) + static_cast<std::uint32_t>(quotient));
 }
 
 }  // namespace leadline::hal

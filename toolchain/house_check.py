@@ -44,6 +44,7 @@ ARROWS = {
     "firmware/pipeline": [
         "firmware/pipeline", "model", "estimator", "proto", "hal/heads", "hal/attitude",
         "hal/ports.hpp", "hal/wire.hpp", "hal/codec.hpp", "hal/can_frame.hpp",
+        "hal/angles.hpp", "hal/checksums.hpp", "hal/text_fields.hpp",
     ],
     "firmware/config": ["firmware/config", "firmware/pipeline", "model", "proto", "hal"],
     "host_tools": [
@@ -54,7 +55,11 @@ ARROWS = {
     "toolchain": ["toolchain"],
 }
 
-VEHICLE = ["model", "estimator", "proto", "firmware/pipeline", "hal/heads", "hal/attitude"]
+VEHICLE = [
+    "model", "estimator", "proto", "firmware/pipeline", "hal/heads", "hal/attitude",
+    "hal/angles.hpp", "hal/can_frame.hpp", "hal/checksums.hpp", "hal/codec.hpp", "hal/ports.hpp",
+    "hal/text_fields.hpp", "hal/wire.hpp",
+]
 
 # Freestanding or trivially inlined, none of them allocates or throws in the parts that we use.
 STD_HEADERS = {

@@ -7,9 +7,7 @@
 namespace leadline::firmware {
 namespace {
 
-[[maybe_unused]] const hal::CodecCounters& uniform(const hal::CodecCounters& counters) {
-  return counters;
-}
+const hal::CodecCounters& uniform(const hal::CodecCounters& counters) { return counters; }
 
 hal::CodecCounters uniform(const hal::NmeaCounters& from) {
   hal::CodecCounters to{};
@@ -21,25 +19,6 @@ hal::CodecCounters uniform(const hal::NmeaCounters& from) {
   to.bad_values = from.bad_field + from.bad_byte;
   to.bad_length = from.too_long;
   to.unfinished = from.unfinished;
-  return to;
-}
-
-hal::CodecCounters uniform(const hal::PingHeadCounters& from) {
-  hal::CodecCounters to{};
-  to.frames = from.frames.frames;
-  to.records = from.records;
-  to.repeats = from.repeats;
-  to.skipped_bytes = from.frames.skipped_bytes;
-  to.bad_checksum = from.frames.bad_checksum;
-  to.bad_length = from.frames.bad_length;
-  to.bad_values = from.bad_values;
-  to.unknown_id = from.frames.unknown_id;
-  to.wrong_device = from.wrong_device;
-  to.unfinished = from.frames.gaps;
-  to.nacks = from.nacks;
-  to.timeouts = from.timeouts;
-  to.refused_settings = from.refused_settings;
-  to.restarts = from.restarts;
   return to;
 }
 

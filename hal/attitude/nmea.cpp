@@ -1,8 +1,7 @@
 #include "hal/attitude/nmea.hpp"
 
-#include <cstring>
-
-#include "model/base/fixed.hpp"
+#include "hal/angles.hpp"
+#include "hal/text_fields.hpp"
 
 namespace leadline::hal {
 
@@ -11,127 +10,15 @@ namespace {
 constexpr std::int64_t kE9 = 1'000'000'000;
 constexpr std::size_t kMaxFields = 24;  // the address included; what is behind them is left
 
-/// Text between two commas, without the spaces around it.
-struct Field {
-  const char* text = nullptr;
-  std::size_t size = 0;
-
-  [[nodiscard]] bool empty() const { return size == 0; }
-};
-
-struct Sentence {
-  std::array<Field, kMaxFields> fields{};
-  std::size_t count = 0;
-
-  /// Field `index`; beyond the last an empty one.
-  [[nodiscard]] Field at(std::size_t index) const {
-    return index < count ? fields[index] : Field{};
-  }
-};
+using Field = TextField;
+using Sentence = TextFields<kMaxFields>;
 
 /// What became of one sentence.
 enum class Outcome : std::uint8_t { kRecord, kNoData, kBadField, kIgnored };
 
-constexpr char upper(char c) { return c >= 'a' && c <= 'z' ? static_cast<char>(c - 32) : c; }
-
-constexpr bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
-/// Equal but for the case of letters.
-bool is(const Field& field, const char* word) {
-  for (std::size_t i = 0; i < field.size; ++i) {
-    if (upper(field.text[i]) != upper(word[i])) {
-      return false;  // also where the word ends first
-    }
-  }
-  return word[field.size] == '\0';
-}
-
-constexpr int hex_digit(char c) {
-  if (is_digit(c)) {
-    return c - '0';
-  }
-  const char letter = upper(c);
-  return letter >= 'A' && letter <= 'F' ? letter - 'A' + 10 : -1;
-}
-
-Field trimmed(const char* text, std::size_t size) {
-  while (size > 0 && text[0] == ' ') {
-    ++text;
-    --size;
-  }
-  while (size > 0 && text[size - 1] == ' ') {
-    --size;
-  }
-  return {text, size};
-}
-
-Sentence split(const char* text, std::size_t size) {
-  Sentence sentence;
-  std::size_t start = 0;
-  for (std::size_t i = 0; i <= size && sentence.count < kMaxFields; ++i) {
-    if (i < size && text[i] != ',') {
-      continue;
-    }
-    sentence.fields[sentence.count] = trimmed(text + start, i - start);
-    ++sentence.count;
-    start = i + 1;
-  }
-  return sentence;
-}
-
-/// Decimal text times 1e9, exact up to nine decimals, the tenth rounds. False for anything else than
-/// a number with |value| < 1e9.
-bool parse_e9(const Field& field, std::int64_t& value_e9) {
-  std::size_t i = 0;
-  const bool negative = field.size > 0 && field.text[0] == '-';
-  if (negative || (field.size > 0 && field.text[0] == '+')) {
-    ++i;
-  }
-  std::int64_t magnitude_e9 = 0;
-  std::int64_t digit_e9 = 0;  // weight of the next decimal; 0: in front of the point
-  bool point = false;
-  bool digits = false;
-  for (; i < field.size; ++i) {
-    const char c = field.text[i];
-    if (c == '.' && !point) {
-      point = true;
-      digit_e9 = kE9 / 10;
-      continue;
-    }
-    if (!is_digit(c)) {
-      return false;
-    }
-    digits = true;
-    const std::int64_t digit = c - '0';
-    if (!point) {
-      if (magnitude_e9 >= kE9 * kE9 / 10) {
-        return false;
-      }
-      magnitude_e9 = magnitude_e9 * 10 + digit * kE9;
-    } else if (digit_e9 > 0) {
-      magnitude_e9 += digit * digit_e9;
-      digit_e9 = digit_e9 == 1 ? -1 : digit_e9 / 10;
-    } else if (digit_e9 < 0) {
-      magnitude_e9 += digit >= 5 ? 1 : 0;
-      digit_e9 = 0;
-    }
-  }
-  value_e9 = negative ? -magnitude_e9 : magnitude_e9;
-  return digits;
-}
-
 bool parse_within(const Field& field, std::int64_t low_e9, std::int64_t high_e9,
                   std::int64_t& value_e9) {
-  return parse_e9(field, value_e9) && value_e9 >= low_e9 && value_e9 <= high_e9;
-}
-
-/// Degrees to a binary angle; |degrees| <= 1080.
-constexpr base::Bam32 bam_of(std::int64_t angle_e9deg) {
-  // 2^32 / 360e9 = 2^20 / (9 * 5^10)
-  constexpr std::int64_t kDivisor = 87'890'625;
-  const std::int64_t scaled = angle_e9deg * (std::int64_t{1} << 20U);
-  const std::int64_t half = scaled < 0 ? -(kDivisor / 2) : kDivisor / 2;
-  return static_cast<base::Bam32>(static_cast<std::uint64_t>((scaled + half) / kDivisor));
+  return hal::parse_within(field, 9, low_e9, high_e9, value_e9);
 }
 
 bool parse_heading(const Field& field, std::int64_t& heading_e9deg) {
@@ -171,7 +58,7 @@ Outcome take_hdg(const Sentence& sentence, const NmeaConfig& config, base::NavSa
   heading_e9deg += deviation_e9deg;
   const bool to_true = config.use_variation && !sentence.at(4).empty();
   sample.fields = to_true ? base::kNavHeading : base::kNavHeadingMagnetic;
-  sample.attitude.heading_bam32 = bam_of(heading_e9deg + (to_true ? variation_e9deg : 0));
+  sample.attitude.heading_bam32 = bam_of_e9deg(heading_e9deg + (to_true ? variation_e9deg : 0));
   return Outcome::kRecord;
 }
 
@@ -185,7 +72,7 @@ Outcome take_heading(const Sentence& sentence, const char* reference, base::NavF
     return Outcome::kBadField;
   }
   sample.fields = field;
-  sample.attitude.heading_bam32 = bam_of(heading_e9deg);
+  sample.attitude.heading_bam32 = bam_of_e9deg(heading_e9deg);
   return Outcome::kRecord;
 }
 
@@ -198,8 +85,8 @@ bool parse_roll_pitch(const Field& roll, const Field& pitch, base::NavSample& sa
     return false;
   }
   sample.fields |= base::kNavRollPitch;
-  sample.attitude.roll_bam32 = bam_of(roll_e9deg);
-  sample.attitude.pitch_bam32 = bam_of(pitch_e9deg);
+  sample.attitude.roll_bam32 = bam_of_e9deg(roll_e9deg);
+  sample.attitude.pitch_bam32 = bam_of_e9deg(pitch_e9deg);
   return true;
 }
 
@@ -212,7 +99,7 @@ bool parse_optional_heading(const Field& field, base::NavField kind, base::NavSa
     return false;
   }
   sample.fields |= kind;
-  sample.attitude.heading_bam32 = bam_of(heading_e9deg);
+  sample.attitude.heading_bam32 = bam_of_e9deg(heading_e9deg);
   return true;
 }
 
@@ -256,10 +143,7 @@ bool take_sigma(const Field& field, std::uint32_t& sigma_urad) {
   if (!parse_within(field, 0, 180 * kE9, sigma_e9deg)) {
     return false;
   }
-  // pi / 180 * 1e6 microradians a degree
-  constexpr std::int64_t kScale = 17'453'293;
-  constexpr std::int64_t kDivisor = 1'000'000'000'000;
-  sigma_urad = static_cast<std::uint32_t>((sigma_e9deg * kScale + kDivisor / 2) / kDivisor);
+  sigma_urad = static_cast<std::uint32_t>(urad_of_e9deg(sigma_e9deg));
   return true;
 }
 
@@ -530,7 +414,7 @@ bool NmeaCodec::finish(base::NavSample& sample) {
   taken.quality = 255;
   const std::int64_t sent_ns = (static_cast<std::int64_t>(size_) + 1) * config_.byte_time_ns;
   taken.t_us = t_last_us_ - sent_ns / 1000;
-  switch (take_sentence(split(text_.data(), body), config_, taken)) {
+  switch (take_sentence(split<kMaxFields>(text_.data(), body), config_, taken)) {
     case Outcome::kNoData:
       ++counters_.no_data;
       return false;
