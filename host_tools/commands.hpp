@@ -34,5 +34,6 @@ void add_emulate_command(CLI::App* app, CommandRun* run);
 void add_receive_command(CLI::App* app, CommandRun* run);
 void add_replay_command(CLI::App* app, CommandRun* run);
 void add_export_command(CLI::App* app, CommandRun* run);
+void add_decode_command(CLI::App* app, CommandRun* run);
 
 }  // namespace leadline::host
