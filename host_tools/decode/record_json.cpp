@@ -25,7 +25,9 @@ double tidy(double value) { return std::round(value * 1e10) / 1e10; }
 double signed_degrees(base::Bam32 angle) {
   return tidy(static_cast<double>(static_cast<std::int32_t>(angle)) * kDegreesPerBam);
 }
-double turn_degrees(base::Bam32 angle) { return tidy(static_cast<double>(angle) * kDegreesPerBam); }
+double turn_degrees(base::Bam32 angle) {
+  return tidy_angle(static_cast<double>(angle) * kDegreesPerBam);
+}
 double scaled(std::int64_t value, double per_unit) {
   return tidy(static_cast<double>(value) / per_unit);
 }
@@ -144,6 +146,19 @@ constexpr std::array<KindName, 12> kKinds = {{
     {"water", base::kNavSoundSpeed | base::kNavTemperature},
 }};
 
+/// What a record is about whose codec does not say.
+NavKind kind_of(const NavSample& sample) {
+  if (sample.kind != NavKind::kOther) {
+    return sample.kind;
+  }
+  for (std::size_t number = 1; number < kKinds.size(); ++number) {
+    if ((sample.fields & kKinds[number].fields) != 0) {
+      return static_cast<NavKind>(number);
+    }
+  }
+  return NavKind::kOther;
+}
+
 enum class AngleKind : std::uint8_t { kTransducer, kTransducerFromAft, kFan };
 
 AngleKind angle_kind(Driver driver) {
@@ -172,7 +187,7 @@ double device_angle_deg(const Ping& ping, Driver driver) {
   const double elevation_rad = signed_degrees(ping.elevation_bam32) / kDegreesPerRadian;
   const double angle_rad =
       std::atan2(std::cos(elevation_rad) * std::sin(azimuth_rad), std::sin(elevation_rad));
-  return std::round(angle_rad * kDegreesPerRadian * 1e6) / 1e6;
+  return tidy_angle(angle_rad * kDegreesPerRadian);
 }
 
 ordered_json sound_speed_json(const Ping& ping) {
@@ -202,8 +217,8 @@ std::string short_text(const ordered_json& value) {
 }  // namespace
 
 ordered_json sample_json(const NavSample& sample, std::optional<base::TimeUs> t_us) {
-  const std::size_t number = static_cast<std::size_t>(sample.kind);
-  const KindName& name = kKinds[number < kKinds.size() ? number : 0];
+  const NavKind about = kind_of(sample);
+  const KindName& name = kKinds[static_cast<std::size_t>(about)];
   const std::uint32_t fields = sample.fields;
   ordered_json json;
   json["record"] = name.name;
@@ -212,7 +227,7 @@ ordered_json sample_json(const NavSample& sample, std::optional<base::TimeUs> t_
   for (const NavColumn& column : kColumns) {
     if ((fields & column.fields) != 0) {
       json[column.key] = column.value(sample);
-    } else if ((column.kinds & kind(sample.kind)) != 0) {
+    } else if ((column.kinds & kind(about)) != 0) {
       json[column.key] = nullptr;
     }
   }
