@@ -30,4 +30,23 @@ hal::NmeaConfig nmea_config(const PortConfig& /*port*/, const DeviceSetup& /*set
   return hal::NmeaConfig{};
 }
 
+hal::R2SonicConfig r2sonic_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::R2SonicConfig head;
+  head.mount = port.mount;
+  head.device_clock = false;  // of the day, which the vehicle's clock is not
+  return head;
+}
+
+hal::KellerConfig keller_config(const PortConfig& /*port*/, const DeviceSetup& /*setup*/) {
+  return hal::KellerConfig{};
+}
+
+hal::Nmea2000Config nmea2000_config(const PortConfig& /*port*/, const DeviceSetup& /*setup*/) {
+  return hal::Nmea2000Config{};
+}
+
+hal::MavlinkConfig mavlink_config(const PortConfig& /*port*/, const DeviceSetup& /*setup*/) {
+  return hal::MavlinkConfig{};
+}
+
 }  // namespace leadline::firmware

@@ -15,9 +15,13 @@
 
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/drivers.hpp"
+#include "hal/attitude/keller.hpp"
+#include "hal/attitude/mavlink.hpp"
 #include "hal/attitude/nmea.hpp"
+#include "hal/attitude/nmea2000.hpp"
 #include "hal/heads/ping1d.hpp"
 #include "hal/heads/ping360.hpp"
+#include "hal/heads/r2sonic.hpp"
 
 #ifndef LEADLINE_DRIVERS
 #define LEADLINE_DRIVERS 0xFFFFFFFFU
@@ -34,6 +38,10 @@ struct DeviceSetup {
 [[nodiscard]] hal::Ping1dConfig ping1d_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::Ping360Config ping360_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::NmeaConfig nmea_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::R2SonicConfig r2sonic_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::KellerConfig keller_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::Nmea2000Config nmea2000_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::MavlinkConfig mavlink_config(const PortConfig& port, const DeviceSetup& setup);
 
 template <Driver kDriverNumber, class CodecType, auto kConfigOf>
 struct DriverEntry {
@@ -50,9 +58,14 @@ struct DriverEntry {
 template <class... Entries>
 struct DriverList {};
 
-using DriverEntries = DriverList<DriverEntry<Driver::kPing1d, hal::Ping1dCodec, &ping1d_config>,
-                                 DriverEntry<Driver::kPing360, hal::Ping360Codec, &ping360_config>,
-                                 DriverEntry<Driver::kNmea, hal::NmeaCodec, &nmea_config>>;
+using DriverEntries =
+    DriverList<DriverEntry<Driver::kPing1d, hal::Ping1dCodec, &ping1d_config>,
+               DriverEntry<Driver::kPing360, hal::Ping360Codec, &ping360_config>,
+               DriverEntry<Driver::kNmea, hal::NmeaCodec, &nmea_config>,
+               DriverEntry<Driver::kR2sonic, hal::R2SonicCodec, &r2sonic_config>,
+               DriverEntry<Driver::kKeller, hal::KellerCodec, &keller_config>,
+               DriverEntry<Driver::kNmea2000, hal::Nmea2000Codec, &nmea2000_config>,
+               DriverEntry<Driver::kMavlink, hal::MavlinkCodec, &mavlink_config>>;
 
 namespace detail {
 constexpr std::size_t larger(std::size_t a, std::size_t b) { return a > b ? a : b; }
