@@ -22,8 +22,11 @@ constexpr double kDegreesPerRadian = 57.295779513082320877;
 /// Without the noise of binary fractions: ten decimals are finer than any unit here.
 double tidy(double value) { return std::round(value * 1e10) / 1e10; }
 
+/// A step of a binary angle is 8e-8 degrees: six decimals.
+double tidy_angle(double degrees) { return std::round(degrees * 1e6) / 1e6; }
+
 double signed_degrees(base::Bam32 angle) {
-  return tidy(static_cast<double>(static_cast<std::int32_t>(angle)) * kDegreesPerBam);
+  return tidy_angle(static_cast<double>(static_cast<std::int32_t>(angle)) * kDegreesPerBam);
 }
 double turn_degrees(base::Bam32 angle) {
   return tidy_angle(static_cast<double>(angle) * kDegreesPerBam);

@@ -11,6 +11,9 @@ namespace {
 
 constexpr std::size_t kMaxFastPacket_bytes = 223;
 constexpr std::uint32_t kMaxStandardId = 0x7FFU;
+// canboat files notes of its own under numbers beyond those of the bus.
+constexpr std::uint32_t kMaxPgn = 0x3FFFFU;
+constexpr std::uint32_t kMaxNotePgn = 0xFFFFFFU;
 constexpr std::uint32_t kMaxExtendedId = 0x1FFFFFFFU;
 // The flag candump writes into the identifier of an error frame.
 constexpr std::uint32_t kCandumpError = 0x20000000U;
@@ -264,7 +267,7 @@ CanLine CanTextReader::parse(std::string_view line) {
   }
   const std::vector<std::string_view> fields = split(line, ", ");
   std::array<std::uint32_t, 5> numbers{};  // priority, PGN, source, destination, length
-  constexpr std::array<std::uint32_t, 5> kLimits = {7, 0x3FFFF, 255, 255, kMaxFastPacket_bytes};
+  constexpr std::array<std::uint32_t, 5> kLimits = {7, kMaxNotePgn, 255, 255, kMaxFastPacket_bytes};
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     const auto number =
         i + 1 < fields.size() ? whole_number<std::uint32_t>(fields[i + 1], 10) : std::nullopt;
@@ -282,6 +285,10 @@ CanLine CanTextReader::parse(std::string_view line) {
     message.push_back(*byte);
   }
   if (message.size() != numbers[4] || message.empty()) {
+    return result;
+  }
+  if (numbers[1] > kMaxPgn) {
+    result.kind = CanLineKind::kComment;
     return result;
   }
   result.kind = CanLineKind::kFrames;

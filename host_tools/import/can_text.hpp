@@ -20,7 +20,7 @@ namespace leadline::host {
 
 enum class CanLineKind : std::uint8_t {
   kFrames,   ///< at least one frame
-  kComment,  ///< blank, or begins with '#'
+  kComment,  ///< blank, begins with '#', or a note of canboat's own (PGN beyond 0x3FFFF)
   kBad,      ///< neither; nothing of it is used
 };
 

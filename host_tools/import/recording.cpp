@@ -92,8 +92,8 @@ class TlogRecording : public Recording {
   explicit TlogRecording(ByteSource source) : source_(std::move(source)) {}
   bool next(RecordedBytes* piece) override {
     while (source_.peek(kTlogHead_bytes) == kTlogHead_bytes) {
-      const std::size_t size = tlog_record_bytes(source_.data());
-      if (size == 0 || source_.peek(size) < size) {
+      const std::size_t size = record_bytes();
+      if (size == 0) {
         ++rejected_["tlog_bytes"];
         source_.skip(1);
         continue;
@@ -113,6 +113,27 @@ class TlogRecording : public Recording {
   [[nodiscard]] const char* container() const override { return "MAVLink telemetry log"; }
 
  private:
+  /// Of the record in front, 0 if there is none. A frame that lost bytes still says its old length: where
+  /// no record follows there, it ends at the next one that begins earlier.
+  std::size_t record_bytes() {
+    const std::size_t size = tlog_record_bytes(source_.data());
+    if (size == 0) {
+      return 0;
+    }
+    const std::size_t there = source_.peek(size + kTlogHead_bytes);
+    const bool follows = there == size + kTlogHead_bytes
+                             ? tlog_record_bytes(source_.data() + size) != 0
+                             : there == size;
+    if (follows) {
+      return size;
+    }
+    for (std::size_t at = kTlogHead_bytes; at + kTlogHead_bytes <= there; ++at) {
+      if (tlog_record_bytes(source_.data() + at) != 0) {
+        return std::min(at, size);
+      }
+    }
+    return std::min(size, there);
+  }
   ByteSource source_;
 };
 
