@@ -35,5 +35,6 @@ void add_receive_command(CLI::App* app, CommandRun* run);
 void add_replay_command(CLI::App* app, CommandRun* run);
 void add_export_command(CLI::App* app, CommandRun* run);
 void add_decode_command(CLI::App* app, CommandRun* run);
+void add_import_command(CLI::App* app, CommandRun* run);
 
 }  // namespace leadline::host
