@@ -12,7 +12,7 @@ const hal::CodecCounters& uniform(const hal::CodecCounters& counters) { return c
 hal::CodecCounters uniform(const hal::NmeaCounters& from) {
   hal::CodecCounters to{};
   to.frames = from.records + from.ignored + from.no_data + from.bad_field;
-  to.records = from.records;
+  to.records = from.records + from.no_data;
   to.ignored = from.ignored;
   to.no_data = from.no_data;
   to.bad_checksum = from.bad_checksum + from.no_checksum;

@@ -4,7 +4,7 @@
 // |---|---|---|
 // | SYSTEM_TIME | time | UTC |
 // | SCALED_PRESSURE, 2, 3 | pressure | absolute pressure, temperature. On ArduSub the first is the barometer
-// |         inside of the hull and the second the one in the water: only the second is taken by default |
+// |         inside of the hull and the second the one in the water (kTakeArduSub) |
 // | ATTITUDE | attitude | roll, pitch, heading, rates |
 // | ATTITUDE_QUATERNION | attitude | the same from the quaternion (w first, body FRD in NED) |
 // | GLOBAL_POSITION_INT | position | latitude, longitude, velocity NED. 0, 0 is no position. Its altitude
@@ -46,11 +46,13 @@ enum MavlinkTake : std::uint32_t {
   kTakeDistance = 1U << 8U,
   kTakeTime = 1U << 9U,
   kTakeEverything = (1U << 10U) - 1U,
+  /// What a vehicle may navigate by.
+  kTakeArduSub = kTakeEverything & ~(kTakePressure | kTakePressure3),
 };
 
 /// Plain integers.
 struct MavlinkConfig {
-  std::uint32_t take = kTakeEverything & ~(kTakePressure | kTakePressure3);
+  std::uint32_t take = kTakeEverything;
   std::uint8_t system = 0;        ///< listen to this system only; 0: any
   std::uint8_t component = 0;     ///< listen to this component only; 0: any
   bool heading_true = true;       ///< yaw is of true north, otherwise magnetic

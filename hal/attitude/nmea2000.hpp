@@ -26,7 +26,7 @@
 // | 129026 course and speed over ground | velocity | north and east, of a true course only |
 // | 129029 GNSS position (fast packet) | position | latitude, longitude, UTC; quality from the method as in
 // |        GGA; its altitude is left |
-// | 130314 pressure | pressure | of `pressure_source` only: a barometer's must not become depth |
+// | 130314 pressure | pressure | of `pressure_source`: on a vehicle a barometer's must not become depth |
 //
 // Times are the arrival of the message's first frame (a frame takes half a millisecond on the wire).
 //
@@ -68,8 +68,8 @@ inline constexpr std::uint8_t kAnyN2kPressure = 255;
 
 /// Plain integers.
 struct Nmea2000Config {
-  std::uint8_t source = kAnyN2kSource;               ///< listen to this bus address only
-  std::uint8_t pressure_source = kN2kPressureWater;  ///< or kAnyN2kPressure
+  std::uint8_t source = kAnyN2kSource;             ///< listen to this bus address only
+  std::uint8_t pressure_source = kAnyN2kPressure;  ///< kN2kPressureWater on a vehicle
   bool use_variation = false;  ///< 127250: apply its own variation; false: the consumer's
   bool yaw_true = false;       ///< 127257: yaw is of true north, otherwise magnetic
   bool heave_up = true;        ///< 127252: positive is up (not stated in public)
