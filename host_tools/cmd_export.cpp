@@ -35,7 +35,8 @@ void add_export_command(CLI::App* app, CommandRun* run) {
       ->type_name("NAME");
   command
       ->add_option("--frame", options->frame,
-                   "XYZ: local metres or lonlat (default: lonlat where the map has a place)")
+                   "XYZ: local metres or lonlat (default: lonlat where the map has a place);\n"
+                   "asc: local keeps the map's metres in spite of --epsg")
       ->type_name("NAME");
   command->add_option("--lat", options->lat_deg, "Latitude of the map's origin, instead of its own")
       ->type_name("DEG");
@@ -43,8 +44,9 @@ void add_export_command(CLI::App* app, CommandRun* run) {
   command
       ->add_option(
           "--epsg", options->epsg,
-          "Projected system in metres: of the map's coordinates, or, with --lat and --lon,\n"
-          "to place its origin in")
+          "Projected system in metres: of the map's coordinates, or, where an origin is known\n"
+          "(--lat and --lon, or the map's own), to express the map in: turned by the grid\n"
+          "convergence and scaled. A GeoTIFF holds that grid, asc only where north stays up")
       ->type_name("CODE");
   command->footer(
       "xyz162 and xyz168 are MB-System's ASCII XYZ formats: longitude latitude depth (down) or\n"

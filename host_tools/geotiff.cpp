@@ -1,13 +1,16 @@
 #include "host_tools/geotiff.hpp"
 
+#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <locale>
 #include <memory>
-#include <mutex>
+#include <sstream>
+#include <string>
 #include <system_error>
 #include <vector>
 
@@ -20,6 +23,8 @@
 #include <unistd.h>
 
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/gdal_support.hpp"
+#include "host_tools/text.hpp"
 
 namespace leadline::host {
 namespace {
@@ -33,16 +38,6 @@ struct CloseDataset {
 };
 using Dataset = std::unique_ptr<void, CloseDataset>;
 
-struct DestroySystem {
-  void operator()(void* system) const { OSRDestroySpatialReference(system); }
-};
-using CoordinateSystem = std::unique_ptr<void, DestroySystem>;
-
-struct DestroyTransform {
-  void operator()(void* transform) const { OCTDestroyCoordinateTransformation(transform); }
-};
-using Transform = std::unique_ptr<void, DestroyTransform>;
-
 struct FreeList {
   void operator()(char** list) const { CSLDestroy(list); }
 };
@@ -52,100 +47,57 @@ void add_option(StringList* list, const char* name, const std::string& value) {
   list->reset(CSLSetNameValue(list->release(), name, value.c_str()));
 }
 
-void register_drivers() {
-  static std::once_flag once;
-  std::call_once(once, [] { GDALAllRegister(); });
-}
+/// Tags of a file whose grid is turned: the origin, and the affine map that made the grid.
+constexpr const char* kOriginTag = "LEADLINE_ORIGIN";
+constexpr const char* kPlaneTag = "LEADLINE_PLANE";
+constexpr const char* kSignTag = "LEADLINE_SIGN";
 
-/// Keeps GDAL from printing: its last message becomes part of ours.
-class QuietGdal {
- public:
-  QuietGdal() {
-    CPLErrorReset();
-    CPLPushErrorHandler(CPLQuietErrorHandler);
-  }
-  ~QuietGdal() { CPLPopErrorHandler(); }
-  QuietGdal(const QuietGdal&) = delete;
-  QuietGdal& operator=(const QuietGdal&) = delete;
+/// A file under its name for the user and the name under which it is being written.
+struct FileName {
+  std::string path;
+  std::string shown;
 
-  /// ": reason" or nothing.
-  [[nodiscard]] static std::string reason() {
-    const std::string text = CPLGetLastErrorMsg();
-    return text.empty() ? text : ": " + text;
-  }
-};
-
-CoordinateSystem make_system() {
-  CoordinateSystem system(OSRNewSpatialReference(nullptr));
-  // x is always east and y north here, whatever order an authority prefers.
-  OSRSetAxisMappingStrategy(system.get(), OAMS_TRADITIONAL_GIS_ORDER);
-  return system;
-}
-
-/// The raster's coordinate system and the coordinates of the local origin in it.
-struct Placement {
-  CoordinateSystem system;
-  double east_m = 0.0;
-  double north_m = 0.0;
-  std::string description = "local metres east and north of the survey's origin, not georeferenced";
-};
-
-Placement place(const GeoReference& reference) {
-  Placement placement;
-  const bool has_origin = reference.lat_deg.has_value() && reference.lon_deg.has_value();
-  if (!has_origin && !reference.epsg.has_value()) {
-    return placement;
-  }
-  placement.system = make_system();
-  if (!reference.epsg.has_value()) {
-    const OGRErr wgs84 = OSRSetWellKnownGeogCS(placement.system.get(), "WGS84");
-    OSRSetProjCS(placement.system.get(), "Local tangent plane of the survey's origin");
-    const OGRErr mercator =
-        OSRSetTM(placement.system.get(), *reference.lat_deg, *reference.lon_deg, 1.0, 0.0, 0.0);
-    if (wgs84 != OGRERR_NONE || mercator != OGRERR_NONE) {
-      throw HostError(ExitCode::kUsage,
-                      "[frame] lat, lon: no local projection there" + QuietGdal::reason());
+  /// GDAL's reason names the file that it knows.
+  [[nodiscard]] HostError error(const std::string& what) const {
+    std::string text = shown + ": " + what + QuietGdal::reason();
+    for (std::size_t at = text.find(path); shown != path && at != std::string::npos;
+         at = text.find(path, at + shown.size())) {
+      text.replace(at, path.size(), shown);
     }
-    placement.description =
-        "metres east and north of [frame] lat, lon (transverse Mercator, WGS 84)";
-    return placement;
+    return {ExitCode::kOutput, text};
   }
-  const std::string code = "EPSG:" + std::to_string(*reference.epsg);
-  if (OSRImportFromEPSG(placement.system.get(), *reference.epsg) != OGRERR_NONE) {
-    throw HostError(ExitCode::kUsage,
-                    "[frame] epsg: PROJ does not know " + code + QuietGdal::reason());
+};
+
+std::string exact_numbers(const std::vector<double>& numbers) {
+  std::string text;
+  for (const double number : numbers) {
+    text += (text.empty() ? "" : " ") + json_number(number);
   }
-  const double unit_m = OSRGetLinearUnits(placement.system.get(), nullptr);
-  if (OSRIsProjected(placement.system.get()) == 0 || std::fabs(unit_m - 1.0) > 1e-9) {
-    throw HostError(ExitCode::kUsage, "[frame] epsg: " + code +
-                                          " is not a projected system in metres (a UTM zone is, "
-                                          "say 32632)");
+  return text;
+}
+
+/// The `count` numbers of a tag; empty where it is missing or otherwise.
+std::vector<double> tagged_numbers(GDALDatasetH dataset, const char* tag, std::size_t count) {
+  const char* text = GDALGetMetadataItem(dataset, tag, nullptr);
+  if (text == nullptr) {
+    return {};
   }
-  placement.description = code + " easting and northing";
-  if (!has_origin) {
-    return placement;
+  std::istringstream stream{std::string(text)};
+  stream.imbue(std::locale::classic());
+  std::vector<double> numbers;
+  for (double number = 0.0; stream >> number && numbers.size() <= count;) {
+    numbers.push_back(number);
   }
-  const CoordinateSystem geographic = make_system();
-  const OGRErr wgs84 = OSRSetWellKnownGeogCS(geographic.get(), "WGS84");
-  OSRSetAxisMappingStrategy(geographic.get(), OAMS_TRADITIONAL_GIS_ORDER);
-  const Transform transform(wgs84 == OGRERR_NONE ? OCTNewCoordinateTransformation(
-                                                       geographic.get(), placement.system.get())
-                                                 : nullptr);
-  double x = *reference.lon_deg;
-  double y = *reference.lat_deg;
-  if (!transform || OCTTransform(transform.get(), 1, &x, &y, nullptr) == 0 || !std::isfinite(x) ||
-      !std::isfinite(y)) {
-    throw HostError(ExitCode::kUsage,
-                    "[frame] lat, lon: cannot be expressed in " + code + QuietGdal::reason());
-  }
-  placement.east_m = x;
-  placement.north_m = y;
-  placement.description += ", local origin at [frame] lat, lon";
-  return placement;
+  return numbers.size() == count && stream.eof() ? numbers : std::vector<double>();
+}
+
+std::vector<double> plane_numbers(const PlaneMap& plane) {
+  return {plane.east_m,     plane.north_m,     plane.x_m,        plane.y_m,
+          plane.x_per_east, plane.x_per_north, plane.y_per_east, plane.y_per_north};
 }
 
 void write_band(const Dataset& dataset, int number, const Raster& raster, const char* description,
-                const std::string& path) {
+                const FileName& name) {
   GDALRasterBandH band = GDALGetRasterBand(dataset.get(), number);
   GDALSetDescription(band, description);
   GDALSetRasterUnitType(band, "m");
@@ -161,7 +113,7 @@ void write_band(const Dataset& dataset, int number, const Raster& raster, const 
                         GDT_Float32, 0, 0) == CE_None;
   }
   if (!good) {
-    throw HostError(ExitCode::kOutput, path + ": cannot be written" + QuietGdal::reason());
+    throw name.error("cannot be written");
   }
 }
 
@@ -205,57 +157,96 @@ Raster read_band(const Dataset& dataset, int number, const Raster& geometry,
   return raster;
 }
 
+/// The grid as the file has it: local coordinates where the file tells how to get back to them, else those
+/// of its system. Throws where neither is a north-up grid of squares.
+Raster read_geometry(GDALDatasetH dataset, const std::string& path, GeoTiffContent* content) {
+  const int columns = GDALGetRasterXSize(dataset);
+  const int rows = GDALGetRasterYSize(dataset);
+  // No transform is a plain image: cells of one metre.
+  std::array<double, 6> transform = {0.0, 1.0, 0.0, static_cast<double>(rows), 0.0, -1.0};
+  GDALGetGeoTransform(dataset, transform.data());
+  const std::vector<double> origin = tagged_numbers(dataset, kOriginTag, 2);
+  const std::vector<double> numbers = tagged_numbers(dataset, kPlaneTag, 8);
+  if (!origin.empty() && !numbers.empty() && content->epsg.has_value()) {
+    const PlaneMap plane = {numbers[0], numbers[1], numbers[2], numbers[3],
+                            numbers[4], numbers[5], numbers[6], numbers[7]};
+    // Tags survive a warp to another grid; that one is not parallel to the local axes any more.
+    const std::optional<Raster> local = local_geometry(plane, transform, columns, rows);
+    if (local.has_value()) {
+      content->lat_deg = origin[0];
+      content->lon_deg = origin[1];
+      return *local;
+    }
+  }
+  const double cell_m = transform[1];
+  if (transform[2] != 0.0 || transform[4] != 0.0 || !(cell_m > 0.0) ||
+      !(std::fabs(cell_m + transform[5]) <= 1e-3 * cell_m)) {
+    throw HostError(ExitCode::kInput, path + ": cells are not square with north up (steps east " +
+                                          std::to_string(transform[1]) + ", north " +
+                                          std::to_string(-transform[5]) + ", rotation " +
+                                          std::to_string(transform[2]) + ", " +
+                                          std::to_string(transform[4]) + ")");
+  }
+  Raster geometry;
+  geometry.columns = columns;
+  geometry.rows = rows;
+  geometry.west_m = transform[0];
+  geometry.cell_m = cell_m;
+  geometry.south_m = transform[3] - rows * cell_m;
+  return geometry;
+}
+
+/// Name, code and, for a plane of our own kind, origin of the file's coordinate system.
+void read_system(GDALDatasetH dataset, const std::string& path, GeoTiffContent* content) {
+  OGRSpatialReferenceH system = GDALGetSpatialRef(dataset);
+  if (system == nullptr) {
+    return;
+  }
+  if (OSRIsGeographic(system) != 0) {
+    throw HostError(ExitCode::kInput, path +
+                                          ": its cells are degrees; project it to metres first, "
+                                          "for example gdalwarp -t_srs EPSG:32632 ...");
+  }
+  const char* name = OSRGetName(system);
+  content->coordinate_system = name != nullptr ? name : "unnamed";
+  const char* code = OSRGetAuthorityCode(system, nullptr);
+  const char* authority = OSRGetAuthorityName(system, nullptr);
+  if (code != nullptr && authority != nullptr && std::string(authority) == "EPSG") {
+    content->epsg = std::atoi(code);
+    return;
+  }
+  const char* projection = OSRGetAttrValue(system, "PROJECTION", 0);
+  const auto parameter = [system](const char* key) {
+    return OSRGetProjParm(system, key, kNoValue, nullptr);
+  };
+  if (projection != nullptr && std::string(projection) == SRS_PT_TRANSVERSE_MERCATOR &&
+      parameter(SRS_PP_SCALE_FACTOR) == 1.0 && parameter(SRS_PP_FALSE_EASTING) == 0.0 &&
+      parameter(SRS_PP_FALSE_NORTHING) == 0.0) {
+    content->lat_deg = parameter(SRS_PP_LATITUDE_OF_ORIGIN);
+    content->lon_deg = parameter(SRS_PP_CENTRAL_MERIDIAN);
+  }
+}
+
+/// A file of ours says when its heights count downwards.
+bool holds_depth(GDALDatasetH dataset) {
+  const char* sign = GDALGetMetadataItem(dataset, kSignTag, nullptr);
+  return sign != nullptr && lower_ascii(sign).rfind("depth", 0) == 0;
+}
+
 }  // namespace
 
-struct GeographicFrame::Impl {
-  Placement placement;
-  CoordinateSystem geographic = make_system();
-  Transform transform;
-};
-
-GeographicFrame::GeographicFrame(const GeoReference& reference) : impl_(std::make_unique<Impl>()) {
-  register_drivers();
-  const QuietGdal quiet;
-  impl_->placement = place(reference);
-  if (!impl_->placement.system) {
-    throw HostError(ExitCode::kUsage, "[frame]: lat and lon, or epsg, are needed for degrees");
-  }
-  if (OSRSetWellKnownGeogCS(impl_->geographic.get(), "WGS84") == OGRERR_NONE) {
-    OSRSetAxisMappingStrategy(impl_->geographic.get(), OAMS_TRADITIONAL_GIS_ORDER);
-    impl_->transform.reset(
-        OCTNewCoordinateTransformation(impl_->placement.system.get(), impl_->geographic.get()));
-  }
-  if (!impl_->transform) {
-    throw HostError(ExitCode::kUsage,
-                    "[frame]: cannot be turned into degrees" + QuietGdal::reason());
-  }
-}
-
-GeographicFrame::~GeographicFrame() = default;
-
-GeographicPoint GeographicFrame::at(double east_m, double north_m) const {
-  const QuietGdal quiet;
-  double x = east_m + impl_->placement.east_m;
-  double y = north_m + impl_->placement.north_m;
-  if (OCTTransform(impl_->transform.get(), 1, &x, &y, nullptr) == 0 || !std::isfinite(x) ||
-      !std::isfinite(y)) {
-    throw HostError(ExitCode::kUsage, "[frame]: a point of the map has no longitude and latitude" +
-                                          QuietGdal::reason());
-  }
-  return {x, y};
-}
-
-const std::string& GeographicFrame::description() const { return impl_->placement.description; }
-
 void write_geotiff(const std::string& path, const Raster& elevation, const Raster* sigma,
-                   const GeoReference& reference, VerticalSign sign) {
+                   const GeoReference& reference, VerticalSign sign,
+                   const std::string& shown_path) {
+  const FileName name = {path, shown_path.empty() ? path : shown_path};
   if (sigma != nullptr && !same_geometry(elevation, *sigma)) {
-    throw HostError(ExitCode::kInput, path + ": elevation has " + describe_geometry(elevation) +
-                                          ", sigma has " + describe_geometry(*sigma));
+    throw HostError(ExitCode::kInput, name.shown + ": elevation has " +
+                                          describe_geometry(elevation) + ", sigma has " +
+                                          describe_geometry(*sigma));
   }
-  register_drivers();
   const QuietGdal quiet;
-  const Placement placement = place(reference);
+  const Placement placement = place_raster(reference, elevation);
+  require_affine(placement, elevation);
   GDALDriverH driver = GDALGetDriverByName("GTiff");
   StringList options;
   add_option(&options, "COMPRESS", "DEFLATE");
@@ -266,23 +257,25 @@ void write_geotiff(const std::string& path, const Raster& elevation, const Raste
                       : GDALCreate(driver, path.c_str(), elevation.columns, elevation.rows, bands,
                                    GDT_Float32, options.get()));
   if (!dataset) {
-    throw HostError(ExitCode::kOutput, path + ": cannot be created" + QuietGdal::reason());
+    throw name.error("cannot be created");
   }
-  double transform[6] = {elevation.west_m + placement.east_m,
-                         elevation.cell_m,
-                         0.0,
-                         elevation.north_m() + placement.north_m,
-                         0.0,
-                         -elevation.cell_m};
-  GDALSetGeoTransform(dataset.get(), transform);
+  std::array<double, 6> transform = geotransform(placement.plane, elevation);
+  GDALSetGeoTransform(dataset.get(), transform.data());
   if (placement.system) {
     GDALSetSpatialRef(dataset.get(), placement.system.get());
   }
   GDALSetMetadataItem(dataset.get(), "AREA_OR_POINT", "Area", nullptr);
   GDALSetMetadataItem(dataset.get(), "TIFFTAG_SOFTWARE", "leadline", nullptr);
   GDALSetMetadataItem(dataset.get(), "LEADLINE_FRAME", placement.description.c_str(), nullptr);
+  if (reference.epsg.has_value() && reference.lat_deg.has_value() &&
+      reference.lon_deg.has_value()) {
+    GDALSetMetadataItem(dataset.get(), kOriginTag,
+                        exact_numbers({*reference.lat_deg, *reference.lon_deg}).c_str(), nullptr);
+    GDALSetMetadataItem(dataset.get(), kPlaneTag,
+                        exact_numbers(plane_numbers(placement.plane)).c_str(), nullptr);
+  }
   const bool depth = sign == VerticalSign::kDepth;
-  GDALSetMetadataItem(dataset.get(), "LEADLINE_SIGN",
+  GDALSetMetadataItem(dataset.get(), kSignTag,
                       depth ? "depth positive down, equal to minus elevation"
                             : "elevation positive up, equal to minus depth",
                       nullptr);
@@ -292,9 +285,9 @@ void write_geotiff(const std::string& path, const Raster& elevation, const Raste
                       sigma != nullptr ? "band 2, one standard deviation, metres" : "none",
                       nullptr);
   write_band(dataset, 1, depth ? negated(elevation) : elevation,
-             depth ? kDepthDescription : kElevationDescription, path);
+             depth ? kDepthDescription : kElevationDescription, name);
   if (sigma != nullptr) {
-    write_band(dataset, 2, *sigma, kSigmaDescription, path);
+    write_band(dataset, 2, *sigma, kSigmaDescription, name);
   }
   // Much reaches the disk only when GDAL closes the file, and GDALClose of this version returns
   // nothing: the error state tells.
@@ -302,7 +295,7 @@ void write_geotiff(const std::string& path, const Raster& elevation, const Raste
   GDALFlushCache(dataset.get());
   dataset.reset();
   if (CPLGetLastErrorType() >= CE_Failure) {
-    throw HostError(ExitCode::kOutput, path + ": cannot be written" + QuietGdal::reason());
+    throw name.error("cannot be written");
   }
 }
 
@@ -318,7 +311,7 @@ void write_geotiff_whole(const std::string& path, const Raster& elevation, const
   }
   const std::string temporary = target + ".partial-" + std::to_string(getpid()) + ".tif";
   try {
-    write_geotiff(temporary, elevation, sigma, reference, sign);
+    write_geotiff(temporary, elevation, sigma, reference, sign, path);
   } catch (...) {
     std::remove(temporary.c_str());
     throw;
@@ -336,7 +329,6 @@ void write_geotiff_whole(const std::string& path, const Raster& elevation, const
 }
 
 GeoTiffContent read_geotiff(const std::string& path) {
-  register_drivers();
   const QuietGdal quiet;
   const Dataset dataset(
       GDALOpenEx(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, nullptr, nullptr, nullptr));
@@ -353,45 +345,17 @@ GeoTiffContent read_geotiff(const std::string& path) {
                                           std::to_string(rows) + " cells in " +
                                           std::to_string(bands) + " bands cannot be used");
   }
-  double transform[6] = {0.0, 1.0, 0.0, static_cast<double>(rows), 0.0, -1.0};
-  // No transform is a plain image: cells of one metre.
-  GDALGetGeoTransform(dataset.get(), transform);
-  const double cell_m = transform[1];
-  if (transform[2] != 0.0 || transform[4] != 0.0 || !(cell_m > 0.0) ||
-      !(std::fabs(cell_m + transform[5]) <= 1e-3 * cell_m)) {
-    throw HostError(ExitCode::kInput, path + ": cells are not square with north up (steps east " +
-                                          std::to_string(transform[1]) + ", north " +
-                                          std::to_string(-transform[5]) + ", rotation " +
-                                          std::to_string(transform[2]) + ", " +
-                                          std::to_string(transform[4]) + ")");
-  }
   GeoTiffContent content;
-  OGRSpatialReferenceH system = GDALGetSpatialRef(dataset.get());
-  if (system != nullptr && OSRIsGeographic(system) != 0) {
-    throw HostError(ExitCode::kInput, path +
-                                          ": its cells are degrees; project it to metres first, "
-                                          "for example gdalwarp -t_srs EPSG:32632 ...");
-  }
-  Raster geometry;
-  geometry.columns = columns;
-  geometry.rows = rows;
-  geometry.west_m = transform[0];
-  geometry.cell_m = cell_m;
-  geometry.south_m = transform[3] - rows * cell_m;
-  if (system != nullptr) {
-    const char* name = OSRGetName(system);
-    content.coordinate_system = name != nullptr ? name : "unnamed";
-    const char* code = OSRGetAuthorityCode(system, nullptr);
-    const char* authority = OSRGetAuthorityName(system, nullptr);
-    if (code != nullptr && authority != nullptr && std::string(authority) == "EPSG") {
-      content.epsg = std::atoi(code);
-    }
-  }
+  read_system(dataset.get(), path, &content);
+  const Raster geometry = read_geometry(dataset.get(), path, &content);
   const char* datum = GDALGetMetadataItem(dataset.get(), "LEADLINE_VERTICAL_DATUM", nullptr);
   if (datum != nullptr && std::string(datum) != "not stated") {
     content.vertical_datum = datum;
   }
   content.elevation = read_band(dataset, 1, geometry, path);
+  if (holds_depth(dataset.get())) {
+    content.elevation = negated(content.elevation);
+  }
   if (bands >= 2) {
     const std::string description =
         lower_ascii(GDALGetDescription(GDALGetRasterBand(dataset.get(), 2)));

@@ -9,7 +9,14 @@ void stage_map(OutputDir* output, const Raster& elevation, const Raster& sigma,
   const int digits = raster_decimals(elevation.cell_m);
   output->write("depth.asc", format_esri_ascii(elevation, digits));
   output->write("sigma.asc", format_esri_ascii(sigma, digits));
-  write_geotiff(output->stage("depth.tif"), elevation, &sigma, reference);
+  // A map so wide that no straight grid follows the wanted projection is written in the plane that it was
+  // made in; the file says which.
+  GeoReference placed = reference;
+  if (place_raster(reference, elevation).error_cells > kMaxPlacementError_cells) {
+    placed.epsg.reset();
+  }
+  write_geotiff(output->stage("depth.tif"), elevation, &sigma, placed, VerticalSign::kElevation,
+                output->path() + "/depth.tif");
   output->write("depth.png", render::depth_png(elevation, render::PictureOptions{}));
 }
 

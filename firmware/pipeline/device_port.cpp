@@ -40,6 +40,24 @@ struct HasRequest<Codec, std::void_t<decltype(std::declval<Codec&>().request(
                              base::TimeUs{}, std::declval<std::uint8_t*>(), std::size_t{}))>>
     : std::true_type {};
 
+// What decoding a file asks of a codec otherwise than its defaults, which serve a live device: every
+// measurement in it counts, near and far, and none is the answer to a request repeated.
+template <class Config>
+Config for_decoding(const Config& config) {
+  return config;
+}
+hal::Ping1dConfig for_decoding(hal::Ping1dConfig config) {
+  config.drop_repeats = false;
+  config.min_range_um = 0;
+  config.max_range_um = 300'000'000;
+  return config;
+}
+hal::Ping360Config for_decoding(hal::Ping360Config config) {
+  config.min_range_um = 0;
+  config.max_range_um = 300'000'000;
+  return config;
+}
+
 /// The calls of one entry's codec.
 template <class Entry>
 struct Calls {
@@ -58,7 +76,7 @@ struct Calls {
   }
   static void* make_default(void* storage) {
     // house: begin allow new: constructs in the port's own storage, no heap
-    return ::new (storage) Codec(typename Entry::Config{});
+    return ::new (storage) Codec(for_decoding(typename Entry::Config{}));
     // house: end allow
   }
   static RecordKind feed(void* codec, std::uint8_t byte, base::TimeUs t_arrival_us,

@@ -11,6 +11,9 @@
 namespace leadline::host {
 namespace {
 
+// Bytes that arrive within this are one chunk, stamped at its end: about what a kernel does.
+constexpr base::TimeUs kChunk_us = 2'000;
+
 constexpr int kConfidence_percent = 96;
 constexpr int kOutlierConfidence_percent = 61;
 // The fault streams' seeds, apart from every stream of the mission's random numbers.
@@ -176,6 +179,8 @@ base::TimeUs Fleet::t_survey_end_us() const { return t_start_us_ + trajectory_.d
 base::TimeUs Fleet::t_end_us() const {
   return t_survey_end_us() + std::llround(mission_.settle_s * 1e6);
 }
+
+base::TimeUs Fleet::next_us(base::TimeUs now_us) const { return now_us + kChunk_us; }
 
 void Fleet::advance(base::TimeUs now_us, std::vector<emu::Bytes>* bytes) {
   const bool over = now_us >= t_survey_end_us();

@@ -14,6 +14,7 @@
 #include "hal/emu/ping_device.hpp"
 #include "host_tools/emulate/instruments.hpp"
 #include "host_tools/emulate/mission.hpp"
+#include "host_tools/emulate/port_devices.hpp"
 #include "host_tools/emulate/trajectory.hpp"
 
 namespace leadline::host {
@@ -37,13 +38,11 @@ struct FleetCounters {
 /// Names of the ports in their order: the heads, then attitude, fix, pressure.
 [[nodiscard]] std::vector<std::string> fleet_ports(const Mission& mission);
 
-class Fleet {
+class Fleet : public PortDevices {
  public:
   /// Builds the ground and flies the trajectory once. Throws HostError (see build_ground) and
   /// kUsage for a plan that cannot be flown.
   explicit Fleet(const Mission& mission);
-  Fleet(const Fleet&) = delete;
-  Fleet& operator=(const Fleet&) = delete;
 
   [[nodiscard]] const Mission& mission() const { return mission_; }
   [[nodiscard]] const Terrain& ground() const { return ground_; }
@@ -58,15 +57,12 @@ class Fleet {
   [[nodiscard]] base::TimeUs t_start_us() const { return t_start_us_; }
   /// The survey is over and the heads go off.
   [[nodiscard]] base::TimeUs t_survey_end_us() const;
-  /// All is over.
-  [[nodiscard]] base::TimeUs t_end_us() const;
-
-  /// Lets the devices run until `now_us` (from 0, never back) and appends what reaches the vehicle's
-  /// port p by then to bytes[p]; `bytes` is given one entry per port.
-  void advance(base::TimeUs now_us, std::vector<emu::Bytes>* bytes);
-  /// Bytes of the vehicle reach the device of `port`.
+  [[nodiscard]] std::size_t port_count() const override { return names_.size(); }
+  [[nodiscard]] base::TimeUs t_end_us() const override;
+  [[nodiscard]] base::TimeUs next_us(base::TimeUs now_us) const override;
+  void advance(base::TimeUs now_us, std::vector<emu::Bytes>* bytes) override;
   void take(std::size_t port, base::TimeUs now_us, const std::uint8_t* data,
-            std::size_t size_bytes);
+            std::size_t size_bytes) override;
 
  private:
   struct Line {

@@ -20,8 +20,6 @@
 namespace leadline::host {
 namespace {
 
-// Bytes that arrive within this are one chunk, stamped at its end: about what a kernel does.
-constexpr base::TimeUs kChunk_us = 2'000;
 // After the flight the link may take this long to say the rest.
 constexpr base::TimeUs kLongestDrain_us = 120'000'000;
 constexpr std::size_t kLogBuffer_bytes = std::size_t{1} << 20U;
@@ -30,9 +28,9 @@ constexpr const char* kLogName = "survey.lll";
 /// One flight under way.
 class Flight {
  public:
-  Flight(Fleet* fleet, firmware::Vehicle* vehicle, std::int32_t cycle_us, const FlightSinks& sinks,
-         Soundings* soundings)
-      : fleet_(fleet),
+  Flight(PortDevices* devices, firmware::Vehicle* vehicle, std::int32_t cycle_us,
+         const FlightSinks& sinks, Soundings* soundings)
+      : devices_(devices),
         vehicle_(vehicle),
         cycle_us_(cycle_us),
         sinks_(sinks),
@@ -43,10 +41,10 @@ class Flight {
   FlightSummary fly(const std::vector<std::vector<std::uint8_t>>& tables) {
     begin_log(tables);
     cycle();
-    const base::TimeUs end_us = fleet_->t_end_us();
+    const base::TimeUs end_us = devices_->t_end_us();
     base::TimeUs cycle_due_us = cycle_us_;
     while (now_us_ < end_us) {
-      now_us_ = std::min({now_us_ + kChunk_us, cycle_due_us, end_us});
+      now_us_ = std::min({devices_->next_us(now_us_), cycle_due_us, end_us});
       gather();
       if (now_us_ == cycle_due_us) {
         cycle();
@@ -91,11 +89,16 @@ class Flight {
   }
 
   void gather() {
-    std::vector<emu::Bytes> bytes(fleet_->port_names().size());
-    fleet_->advance(now_us_, &bytes);
+    std::vector<emu::Bytes> bytes(devices_->port_count());
+    devices_->advance(now_us_, &bytes);
     for (std::size_t port = 0; port < bytes.size(); ++port) {
-      if (!bytes[port].empty()) {
-        heard_.push_back({static_cast<std::uint8_t>(port), now_us_, std::move(bytes[port])});
+      const emu::Bytes& all = bytes[port];
+      for (std::size_t at = 0; at < all.size(); at += firmware::kMaxChunk_bytes) {
+        const std::size_t end = std::min(at + firmware::kMaxChunk_bytes, all.size());
+        heard_.push_back({static_cast<std::uint8_t>(port),
+                          now_us_,
+                          {all.begin() + static_cast<std::ptrdiff_t>(at),
+                           all.begin() + static_cast<std::ptrdiff_t>(end)}});
       }
     }
   }
@@ -121,10 +124,10 @@ class Flight {
     if (sinks_.downlink && output.downlink.size_bytes > 0) {
       sinks_.downlink(output.downlink.data, output.downlink.size_bytes);
     }
-    for (std::size_t port = 0; port < fleet_->port_names().size(); ++port) {
+    for (std::size_t port = 0; port < devices_->port_count(); ++port) {
       const firmware::OutputSpan& request = output.device_requests[port];
       if (request.size_bytes > 0) {
-        fleet_->take(port, now_us_, request.data, request.size_bytes);
+        devices_->take(port, now_us_, request.data, request.size_bytes);
       }
     }
   }
@@ -148,7 +151,7 @@ class Flight {
     emu::Bytes bytes;
   };
 
-  Fleet* fleet_;
+  PortDevices* devices_;
   firmware::Vehicle* vehicle_;
   std::int32_t cycle_us_;
   const FlightSinks& sinks_;
@@ -202,11 +205,11 @@ std::vector<std::vector<std::uint8_t>> table_bytes(const std::vector<MissionTabl
   return bytes;
 }
 
-FlightSummary fly_in_process(Fleet* fleet, firmware::Vehicle* vehicle,
+FlightSummary fly_in_process(PortDevices* devices, firmware::Vehicle* vehicle,
                              const std::vector<std::vector<std::uint8_t>>& tables,
                              std::int32_t cycle_us, const FlightSinks& sinks,
                              Soundings* soundings) {
-  return Flight(fleet, vehicle, cycle_us, sinks, soundings).fly(tables);
+  return Flight(devices, vehicle, cycle_us, sinks, soundings).fly(tables);
 }
 
 int run_simulated_flight(const FlightOptions& options) {

@@ -41,9 +41,9 @@ struct FlightSummary {
 [[nodiscard]] std::vector<std::vector<std::uint8_t>> table_bytes(
     const std::vector<MissionTable>& tables);
 
-/// Flies the fleet with a vehicle that is configured for it, then lets the link catch up. `soundings`
-/// may be null. Throws std::logic_error when the log cannot be encoded.
-FlightSummary fly_in_process(Fleet* fleet, firmware::Vehicle* vehicle,
+/// Flies a configured vehicle with the devices at its ports, then lets the link catch up. `soundings` may
+/// be null. Throws std::logic_error when the log cannot be encoded.
+FlightSummary fly_in_process(PortDevices* devices, firmware::Vehicle* vehicle,
                              const std::vector<std::vector<std::uint8_t>>& tables,
                              std::int32_t cycle_us, const FlightSinks& sinks, Soundings* soundings);
 

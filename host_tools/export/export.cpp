@@ -118,9 +118,11 @@ GeoReference chosen_reference(const ExportOptions& options, const MapSource& sou
   if (options.lon_deg && !(*options.lon_deg >= -180.0 && *options.lon_deg <= 360.0)) {
     usage_error("--lon " + number_text(*options.lon_deg) + ": must be -180 .. 360");
   }
-  if (options.lat_deg || options.epsg) {
+  if (options.lat_deg) {
     reference.lat_deg = options.lat_deg;
     reference.lon_deg = options.lon_deg;
+  }
+  if (options.lat_deg || options.epsg) {
     reference.epsg = options.epsg;
   }
   if (options.datum) {
@@ -247,6 +249,26 @@ std::vector<std::array<std::int32_t, 3>> triangles(const Raster& raster,
   return faces;
 }
 
+/// What the coordinates in the file are, in words.
+std::string coordinates_text(const MapSource& source, const ExportPlan& plan) {
+  if (is_xyz(plan.format)) {
+    return plan.frame == ExportFrame::kLonLat ? "longitude and latitude on WGS 84"
+                                              : "local metres, east and north";
+  }
+  const bool in_system = plan.format == ExportFormat::kGeoTiff || plan.grid_in_epsg;
+  if (!in_system) {
+    return "coordinates as the map has them";
+  }
+  const Placement placement = place_raster(plan.reference, source.elevation);
+  std::string text = placement.description;
+  if (plan.format == ExportFormat::kGeoTiff && placement.plane.turn_deg() != 0.0) {
+    text += ", turned by ";
+    append_fixed(&text, placement.plane.turn_deg(), 3);
+    text += " degrees";
+  }
+  return text;
+}
+
 }  // namespace
 
 ExportPlan plan_export(const ExportOptions& options, const MapSource& source) {
@@ -259,16 +281,47 @@ ExportPlan plan_export(const ExportOptions& options, const MapSource& source) {
   plan.frame = placed ? ExportFrame::kLonLat : ExportFrame::kLocal;
   if (!options.frame.empty()) {
     plan.frame = static_cast<ExportFrame>(choice("--frame", options.frame, {"local", "lonlat"}));
-    if (!is_xyz(plan.format)) {
-      usage_error("--frame: for xyz162 and xyz168 only");
+    if (plan.format == ExportFormat::kEsriAscii && plan.frame == ExportFrame::kLonLat) {
+      usage_error("--frame lonlat: the cells of an ESRI ASCII grid are metres");
+    }
+    if (!is_xyz(plan.format) && plan.format != ExportFormat::kEsriAscii) {
+      usage_error("--frame: for xyz162, xyz168 and asc only");
     }
   }
-  if (plan.frame == ExportFrame::kLonLat && !placed) {
+  // Who asks for a system of an ASCII grid gets it, or an error; otherwise it stays as the map has it.
+  plan.grid_in_epsg = plan.format == ExportFormat::kEsriAscii && options.epsg.has_value() &&
+                      plan.reference.lat_deg.has_value() && options.frame.empty();
+  if (is_xyz(plan.format) && plan.frame == ExportFrame::kLonLat && !placed) {
     usage_error(
         "--frame lonlat: the map has no place on Earth; give --lat and --lon (of its "
         "origin) or --epsg");
   }
   return plan;
+}
+
+std::string format_grid(const MapSource& source, const ExportPlan& plan) {
+  const bool sigma = plan.layer == ExportLayer::kSigma;
+  Raster raster = sigma ? *source.sigma : source.elevation;
+  if (!sigma && plan.sign == VerticalSign::kDepth) {
+    raster = negated(raster);
+  }
+  if (plan.grid_in_epsg) {
+    const Placement placement = place_raster(plan.reference, raster);
+    // Asked positively, so that a NaN is refused.
+    if (!(placement.north_up_error_cells <= kMaxPlacementError_cells)) {
+      std::string turn;
+      append_fixed(&turn, placement.plane.turn_deg(), 3);
+      std::string error;
+      append_fixed(&error, placement.north_up_error_cells, 2);
+      usage_error("--epsg " + std::to_string(*plan.reference.epsg) +
+                  ": an ESRI ASCII grid has north up, this map is turned by " + turn +
+                  " degrees there (" + error +
+                  " cells at its edge); export a GeoTIFF, which holds the turned grid, or keep "
+                  "local metres with --frame local");
+    }
+    raster = north_up(placement, raster);
+  }
+  return format_esri_ascii(raster, raster_decimals(raster.cell_m));
 }
 
 std::string format_xyz(const MapSource& source, const ExportPlan& plan) {
@@ -366,14 +419,9 @@ int run_export(const ExportOptions& options) {
       write_geotiff_whole(options.out_path, source.elevation,
                           source.sigma ? &*source.sigma : nullptr, plan.reference, plan.sign);
       break;
-    case ExportFormat::kEsriAscii: {
-      const bool sigma = plan.layer == ExportLayer::kSigma;
-      const Raster& raster = sigma ? *source.sigma : source.elevation;
-      const bool turned = !sigma && plan.sign == VerticalSign::kDepth;
-      write_file_whole(options.out_path, format_esri_ascii(turned ? negated(raster) : raster,
-                                                           raster_decimals(raster.cell_m)));
+    case ExportFormat::kEsriAscii:
+      write_file_whole(options.out_path, format_grid(source, plan));
       break;
-    }
     case ExportFormat::kXyz162:
     case ExportFormat::kXyz168:
       write_file_whole(options.out_path, format_xyz(source, plan));
@@ -384,7 +432,8 @@ int run_export(const ExportOptions& options) {
   }
   if (options.out_path != "-") {
     std::cout << options.out_path << ": " << source.elevation.known_count() << " cells, "
-              << sign_text(plan.sign) << ", vertical datum " << datum_text(plan.reference) << "\n";
+              << sign_text(plan.sign) << ", vertical datum " << datum_text(plan.reference) << "; "
+              << coordinates_text(source, plan) << "\n";
   }
   return static_cast<int>(ExitCode::kOk);
 }

@@ -31,8 +31,10 @@ struct ExportOptions {
   std::string format;    ///< "" = by the ending of out_path
   std::string vertical;  ///< "elevation", "depth"; "" = elevation, for xyz162 depth
   std::string layer;     ///< "map", "sigma" (asc), "voxels" (ply); "" = map
-  std::string frame;     ///< XYZ: "local", "lonlat"; "" = lonlat where the map has a place
-  /// Instead of what the source says. A place that is given here wins as a whole.
+  /// XYZ: "local", "lonlat"; "" = lonlat where the map has a place. ASCII grid: "local", or "".
+  std::string frame;
+  /// Instead of what the source says. An origin given here without a code means no code; a code given
+  /// here keeps the source's origin.
   std::optional<double> lat_deg;
   std::optional<double> lon_deg;
   std::optional<int> epsg;
@@ -45,6 +47,7 @@ struct ExportPlan {
   VerticalSign sign = VerticalSign::kElevation;
   ExportLayer layer = ExportLayer::kMap;
   ExportFrame frame = ExportFrame::kLocal;
+  bool grid_in_epsg = false;  ///< ASCII grid in the reference's system instead of the map's own
   GeoReference reference;
 };
 
@@ -52,7 +55,9 @@ struct ExportPlan {
 /// layer that the format does not have, degrees without a place.
 [[nodiscard]] ExportPlan plan_export(const ExportOptions& options, const MapSource& source);
 
-/// The files as bytes.
+/// The files as bytes. format_grid throws HostError kUsage where a north-up grid in the wanted system would
+/// put a cell more than kMaxPlacementError_cells from where it belongs.
+[[nodiscard]] std::string format_grid(const MapSource& source, const ExportPlan& plan);
 [[nodiscard]] std::string format_xyz(const MapSource& source, const ExportPlan& plan);
 [[nodiscard]] std::string format_ply(const MapSource& source, const ExportPlan& plan);
 

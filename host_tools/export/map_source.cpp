@@ -109,6 +109,8 @@ MapSource load_file(const std::string& path) {
   source.elevation = std::move(content.elevation);
   source.sigma = std::move(content.sigma);
   source.reference.epsg = content.epsg;
+  source.reference.lat_deg = content.lat_deg;
+  source.reference.lon_deg = content.lon_deg;
   if (!content.vertical_datum.empty()) {
     source.reference.vertical_datum = content.vertical_datum;
   }

@@ -305,7 +305,8 @@ std::string difference_png(const Raster& difference_as_given, const PictureOptio
     paint_raster(&canvas, layout, difference, {&ColourMap::diverging(), -limit, limit, false},
                  nullptr);
     draw_colour_bar(
-        &canvas, layout.bar, limit, -limit, "Deeper (+) or shallower (\u2212) by (m)",
+        &canvas, layout.bar, limit, -limit,
+        "Deeper (+, blue) or shallower (\u2212, red) than the reference (m)",
         [&](double value) { return ColourMap::diverging().at(0.5 + 0.5 * value / limit); },
         layout.scale);
     const double span = 0.2 * limit;  // three digits

@@ -17,6 +17,7 @@ using leadline::host::ExportFormat;
 using leadline::host::ExportFrame;
 using leadline::host::ExportOptions;
 using leadline::host::ExportPlan;
+using leadline::host::format_grid;
 using leadline::host::format_ply;
 using leadline::host::format_xyz;
 using leadline::host::GeoTiffContent;
@@ -235,7 +236,10 @@ TEST(rasters_turn_their_sign_with_their_words) {
   options.datum = "chart datum";
   assert_int_equal(run_export(options), 0);
   const GeoTiffContent depth = leadline::host::read_geotiff(options.out_path);
-  assert_near(depth.elevation.at(1, 2), 16.25, 1e-6);
+  // Band 1 holds depths; whoever reads it through us gets elevations again.
+  const std::string bytes = read_file(options.out_path);
+  assert_says(bytes, "depth positive down");
+  assert_near(depth.elevation.at(1, 2), -16.25, 1e-6);
   assert_true(depth.vertical_datum == "chart datum");
   assert_true(depth.sigma.has_value());
   assert_near(depth.sigma->at(0, 0), 0.125, 1e-6);
@@ -251,6 +255,66 @@ TEST(rasters_turn_their_sign_with_their_words) {
   assert_near(leadline::host::read_esri_ascii(options.out_path).at(0, 0), 15.0, 1e-6);
   assert_true(std::isnan(leadline::host::read_esri_ascii(options.out_path).at(0, 1)));
   assert_false(read_file(options.out_path).empty());
+}
+
+// A grid of 1 m cells whose place is known; the turn is 0.9 degrees in zone 32.
+MapSource placed_map(double lon_deg) {
+  MapSource source = small_map();
+  source.elevation = leadline::host::make_raster(200, 100, 0.0, 0.0, 1.0, -15.0);
+  source.sigma.reset();
+  source.reference.lat_deg = 47.3;
+  source.reference.lon_deg = lon_deg;
+  return source;
+}
+
+TEST(ascii_grid_goes_into_a_system_only_with_north_up) {
+  ExportOptions options = to("m.asc");
+  // Nobody asked for a system: local metres, as the map has them.
+  const MapSource turned = placed_map(7.8);
+  assert_says(format_grid(turned, plan_export(options, turned)), "xllcorner 0\n");
+  options.epsg = 32632;
+  try {
+    (void)format_grid(turned, plan_export(options, turned));
+    fail_msg("a turned grid was written as an ASCII grid");
+  } catch (const HostError& error) {
+    assert_int_equal(static_cast<int>(error.code()), static_cast<int>(ExitCode::kUsage));
+    assert_says(error.what(), "turned by 0.88");
+    assert_says(error.what(), "--frame local");
+  }
+  options.frame = "local";
+  assert_says(format_grid(turned, plan_export(options, turned)), "xllcorner 0\n");
+  options.frame.clear();
+  // On the zone's meridian north is north; the cells shrink by the zone's scale.
+  const MapSource straight = placed_map(9.0);
+  const Raster placed = leadline::host::parse_esri_ascii(
+      format_grid(straight, plan_export(options, straight)), "m.asc");
+  assert_near(placed.west_m, 500000.0, 1e-3);
+  assert_near(placed.cell_m, 0.9996, 1e-9);
+  options.frame = "lonlat";
+  assert_says(complaint(ExitCode::kUsage, options, straight), "--frame lonlat");
+}
+
+TEST(a_code_keeps_the_maps_own_origin) {
+  const MapSource source = placed_map(7.8);
+  ExportOptions options = to("m.tif");
+  options.epsg = 32632;
+  const ExportPlan plan = plan_export(options, source);
+  assert_near(plan.reference.lat_deg.value_or(0.0), 47.3, 0.0);
+  assert_int_equal(plan.reference.epsg.value_or(0), 32632);
+}
+
+TEST(errors_name_the_file_that_was_asked_for) {
+  const std::string folder = leadline::test::scratch_directory();
+  const MapSource source = small_map();
+  const std::string path = folder + "/no/such/depth.tif";
+  try {
+    leadline::host::write_geotiff_whole(path, source.elevation, nullptr, {});
+    fail_msg("written into a folder that is not there");
+  } catch (const HostError& error) {
+    assert_int_equal(static_cast<int>(error.code()), static_cast<int>(ExitCode::kOutput));
+    assert_says(error.what(), path);
+    assert_true(std::string(error.what()).find("partial") == std::string::npos);
+  }
 }
 
 }  // namespace

@@ -284,38 +284,6 @@ TEST(geotiff_bytes_repeat) {
   assert_false(leadline::host::read_geotiff(folder + "/a.tif").sigma.has_value());
 }
 
-TEST(geotiff_with_epsg_and_origin_lies_where_it_should) {
-  const std::string path = leadline::test::scratch_directory() + "/utm.tif";
-  const Raster elevation = make_raster(4, 3, -20.0, 10.0, 5.0, -8.0);
-  GeoReference reference;
-  reference.epsg = 32632;
-  // On the central meridian of zone 32 the easting is 500 km by definition, at the equator the
-  // northing 0.
-  reference.lat_deg = 0.0;
-  reference.lon_deg = 9.0;
-  leadline::host::write_geotiff(path, elevation, nullptr, reference);
-  const GeoTiffContent utm = leadline::host::read_geotiff(path);
-  assert_near(utm.elevation.west_m, 500000.0 - 20.0, 1e-3);
-  assert_near(utm.elevation.south_m, 10.0, 1e-3);
-  assert_true(utm.epsg.has_value());
-  assert_int_equal(*utm.epsg, 32632);
-
-  // Without an origin the survey's coordinates are that system's.
-  reference.lat_deg.reset();
-  reference.lon_deg.reset();
-  leadline::host::write_geotiff(path, elevation, nullptr, reference);
-  assert_near(leadline::host::read_geotiff(path).elevation.west_m, -20.0, 1e-9);
-
-  // Without a code: a local projection about the origin, local coordinates unchanged.
-  reference.epsg.reset();
-  reference.lat_deg = 53.5;
-  reference.lon_deg = 8.1;
-  leadline::host::write_geotiff(path, elevation, nullptr, reference);
-  const GeoTiffContent local = leadline::host::read_geotiff(path);
-  assert_near(local.elevation.west_m, -20.0, 1e-9);
-  assert_true(!local.coordinate_system.empty());
-}
-
 TEST(bad_reference_or_place_is_refused) {
   const std::string folder = leadline::test::scratch_directory();
   const Raster elevation = make_raster(4, 3, 0.0, 0.0, 5.0, -8.0);

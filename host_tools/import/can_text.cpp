@@ -1,0 +1,310 @@
+#include "host_tools/import/can_text.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+namespace leadline::host {
+namespace {
+
+constexpr std::size_t kMaxFastPacket_bytes = 223;
+constexpr std::uint32_t kMaxStandardId = 0x7FFU;
+// canboat files notes of its own under numbers beyond those of the bus.
+constexpr std::uint32_t kMaxPgn = 0x3FFFFU;
+constexpr std::uint32_t kMaxNotePgn = 0xFFFFFFU;
+constexpr std::uint32_t kMaxExtendedId = 0x1FFFFFFFU;
+// The flag candump writes into the identifier of an error frame.
+constexpr std::uint32_t kCandumpError = 0x20000000U;
+
+std::vector<std::string_view> split(std::string_view text, std::string_view separators) {
+  std::vector<std::string_view> parts;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find_first_of(separators), text.size());
+    if (end > 0) {
+      parts.push_back(text.substr(0, end));
+    }
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return parts;
+}
+
+template <typename Value>
+std::optional<Value> whole_number(std::string_view text, int base) {
+  Value value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  const bool good = error == std::errc() && end == text.data() + text.size() && !text.empty();
+  return good ? std::optional<Value>(value) : std::nullopt;
+}
+
+/// "ss.ffffff" to microseconds, exactly; at most twelve digits in front of the point.
+std::optional<base::TimeUs> seconds_us(std::string_view text) {
+  const std::size_t point = std::min(text.find('.'), text.size());
+  const auto seconds = whole_number<std::uint64_t>(text.substr(0, point), 10);
+  if (!seconds || point > 12) {
+    return std::nullopt;
+  }
+  base::TimeUs fraction_us = 0;
+  base::TimeUs unit_us = 100'000;
+  for (const char c : text.substr(std::min(point + 1, text.size()))) {
+    if (c < '0' || c > '9') {
+      return std::nullopt;
+    }
+    fraction_us += unit_us * (c - '0');
+    unit_us /= 10;
+  }
+  return static_cast<base::TimeUs>(*seconds) * 1'000'000 + fraction_us;
+}
+
+/// Days from 1970-01-01 of a date of the Gregorian calendar.
+std::int64_t days_since_1970(std::int64_t year, std::int64_t month, std::int64_t day) {
+  const std::int64_t y = year - (month <= 2 ? 1 : 0);
+  const std::int64_t era = y / 400;
+  const std::int64_t year_of_era = y - era * 400;
+  const std::int64_t day_of_year = (153 * (month + (month > 2 ? -3 : 9)) + 2) / 5 + day - 1;
+  const std::int64_t day_of_era =
+      year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
+  return era * 146097 + day_of_era - 719468;
+}
+
+/// "2016-02-28T19:57:02.364Z", with 'T', 'Z', '-' or a blank between date and time.
+std::optional<base::TimeUs> date_time_us(std::string_view text) {
+  if (text.size() < 19 || text[4] != '-' || text[7] != '-' || text[13] != ':' || text[16] != ':' ||
+      std::string_view("TZ- ").find(text[10]) == std::string_view::npos) {
+    return std::nullopt;
+  }
+  if (text.back() == 'Z') {
+    text.remove_suffix(1);
+  }
+  const auto field = [&text](std::size_t at, std::size_t size) {
+    return whole_number<std::uint16_t>(text.substr(at, size), 10);
+  };
+  const auto year = field(0, 4);
+  const auto month = field(5, 2);
+  const auto day = field(8, 2);
+  const auto hour = field(11, 2);
+  const auto minute = field(14, 2);
+  const auto second_us = seconds_us(text.substr(17));
+  const bool good = year && *year >= 1970 && month && *month >= 1 && *month <= 12 && day &&
+                    *day >= 1 && *day <= 31 && hour && *hour < 24 && minute && *minute < 60 &&
+                    second_us && *second_us < 61'000'000;
+  if (!good) {
+    return std::nullopt;
+  }
+  const std::int64_t minutes = (days_since_1970(*year, *month, *day) * 24 + *hour) * 60 + *minute;
+  return minutes * 60'000'000 + *second_us;
+}
+
+std::optional<base::TimeUs> any_time_us(std::string_view text) {
+  const std::optional<base::TimeUs> dated = date_time_us(text);
+  return dated ? dated : seconds_us(text);
+}
+
+/// Three digits: 11 bits; eight: 29 bits, or candump's error frame.
+std::optional<std::uint32_t> identifier(std::string_view text) {
+  const auto value = whole_number<std::uint32_t>(text, 16);
+  if (!value || (text.size() != 3 && text.size() != 8)) {
+    return std::nullopt;
+  }
+  if (text.size() == 3) {
+    return *value <= kMaxStandardId ? value : std::nullopt;
+  }
+  if ((*value & kCandumpError) != 0) {
+    return (*value & kMaxExtendedId) | hal::kCanError;
+  }
+  return *value <= kMaxExtendedId ? std::optional<std::uint32_t>(*value | hal::kCanExtended)
+                                  : std::nullopt;
+}
+
+/// Adds the two digits as one byte; false where they are none or the frame is full.
+bool append_byte(std::string_view digits, hal::CanFrame* frame) {
+  const auto value = whole_number<std::uint8_t>(digits, 16);
+  if (!value || digits.size() != 2 || frame->length_bytes >= hal::kMaxCanData_bytes) {
+    return false;
+  }
+  frame->data[frame->length_bytes++] = *value;
+  return true;
+}
+
+/// "09F112CC#FF725A", "123#R".
+std::optional<hal::CanFrame> compact_frame(std::string_view text) {
+  const std::size_t hash = text.find('#');
+  const auto id = identifier(text.substr(0, hash));
+  std::string_view digits = text.substr(hash + 1);
+  if (!id) {
+    return std::nullopt;
+  }
+  hal::CanFrame frame{};
+  frame.id = *id;
+  if (!digits.empty() && digits[0] == 'R') {
+    frame.id |= hal::kCanRemote;
+    return frame;
+  }
+  for (; !digits.empty(); digits.remove_prefix(std::min<std::size_t>(2, digits.size()))) {
+    if (digits[0] == '.') {  // candump may separate bytes
+      digits.remove_prefix(1);
+    }
+    if (!append_byte(digits.substr(0, 2), &frame)) {
+      return std::nullopt;
+    }
+  }
+  return frame;
+}
+
+/// "can0 [RX - -] 09F112CC [8] FF 72 ...": the words behind the time.
+std::optional<hal::CanFrame> spaced_frame(const std::vector<std::string_view>& words) {
+  std::size_t bracket = 0;
+  while (bracket < words.size() && words[bracket].front() != '[') {
+    ++bracket;
+  }
+  if (bracket < 1 || bracket + 1 > words.size() || words[bracket].back() != ']') {
+    return std::nullopt;
+  }
+  const auto length =
+      whole_number<std::uint8_t>(words[bracket].substr(1, words[bracket].size() - 2), 10);
+  const auto id = identifier(words[bracket - 1]);
+  if (!length || *length > hal::kMaxCanData_bytes || !id) {
+    return std::nullopt;
+  }
+  hal::CanFrame frame{};
+  frame.id = *id;
+  if (bracket + 1 < words.size() && words[bracket + 1] == "remote") {
+    frame.id |= hal::kCanRemote;
+    return frame;
+  }
+  for (std::size_t i = 1; i <= *length; ++i) {
+    if (bracket + i >= words.size() || !append_byte(words[bracket + i], &frame)) {
+      return std::nullopt;
+    }
+  }
+  return frame;
+}
+
+/// Takes "(time)" off the front, if it is there. False: brackets, but no time in them.
+bool take_time(std::string_view* line, std::optional<base::TimeUs>* t_us) {
+  if (line->empty() || line->front() != '(') {
+    return true;
+  }
+  const std::size_t end = line->find(')');
+  if (end == std::string_view::npos) {
+    return false;
+  }
+  std::string_view text = line->substr(1, end - 1);
+  text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));
+  *t_us = any_time_us(text);
+  line->remove_prefix(end + 1);
+  return t_us->has_value();
+}
+
+CanLine parse_candump(std::string_view line) {
+  CanLine result;
+  if (!take_time(&line, &result.t_us)) {
+    return result;
+  }
+  const std::vector<std::string_view> words = split(line, " \t");
+  std::optional<hal::CanFrame> frame;
+  if (words.size() >= 2 && words[1].find('#') != std::string_view::npos) {
+    frame = compact_frame(words[1]);
+  } else if (words.size() >= 3) {
+    frame = spaced_frame(words);
+  }
+  if (frame) {
+    result.kind = CanLineKind::kFrames;
+    result.frames.push_back(*frame);
+  }
+  return result;
+}
+
+std::uint32_t n2k_identifier(std::uint32_t priority, std::uint32_t pgn, std::uint32_t source,
+                             std::uint32_t destination) {
+  const bool broadcast = ((pgn >> 8U) & 0xFFU) >= 240;
+  const std::uint32_t low = broadcast ? 0U : destination << 8U;
+  return (priority << 26U) | (pgn << 8U) | low | source | hal::kCanExtended;
+}
+
+/// A message of up to 223 bytes in the frames of a fast packet.
+void split_fast_packet(std::uint32_t id, const std::vector<std::uint8_t>& message,
+                       std::uint8_t sequence, std::vector<hal::CanFrame>* frames) {
+  std::size_t taken = 0;
+  for (std::uint8_t part = 0; taken < message.size(); ++part) {
+    hal::CanFrame frame{};
+    frame.id = id;
+    frame.length_bytes = hal::kMaxCanData_bytes;
+    frame.data.fill(0xFF);
+    frame.data[0] = static_cast<std::uint8_t>((sequence << 5U) | part);
+    std::size_t at = 1;
+    if (part == 0) {
+      frame.data[1] = static_cast<std::uint8_t>(message.size());
+      at = 2;
+    }
+    for (; at < frame.data.size() && taken < message.size(); ++at, ++taken) {
+      frame.data[at] = message[taken];
+    }
+    frames->push_back(frame);
+  }
+}
+
+bool is_canboat(std::string_view line) {
+  return line.size() > 20 && date_time_us(line.substr(0, line.find(','))).has_value();
+}
+
+}  // namespace
+
+bool looks_like_can_text(std::string_view line) {
+  return CanTextReader().parse(line).kind == CanLineKind::kFrames;
+}
+
+CanLine CanTextReader::parse(std::string_view line) {
+  line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
+  CanLine result;
+  if (line.empty() || line.front() == '#') {
+    result.kind = CanLineKind::kComment;
+    return result;
+  }
+  if (!is_canboat(line)) {
+    return parse_candump(line);
+  }
+  const std::vector<std::string_view> fields = split(line, ", ");
+  std::array<std::uint32_t, 5> numbers{};  // priority, PGN, source, destination, length
+  constexpr std::array<std::uint32_t, 5> kLimits = {7, kMaxNotePgn, 255, 255, kMaxFastPacket_bytes};
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const auto number =
+        i + 1 < fields.size() ? whole_number<std::uint32_t>(fields[i + 1], 10) : std::nullopt;
+    if (!number || *number > kLimits[i]) {
+      return result;
+    }
+    numbers[i] = *number;
+  }
+  std::vector<std::uint8_t> message;
+  for (std::size_t i = 6; i < fields.size(); ++i) {
+    const auto byte = whole_number<std::uint8_t>(fields[i], 16);
+    if (!byte) {
+      return result;
+    }
+    message.push_back(*byte);
+  }
+  if (message.size() != numbers[4] || message.empty()) {
+    return result;
+  }
+  if (numbers[1] > kMaxPgn) {
+    result.kind = CanLineKind::kComment;
+    return result;
+  }
+  result.kind = CanLineKind::kFrames;
+  result.t_us = date_time_us(line.substr(0, line.find(',')));
+  const std::uint32_t id = n2k_identifier(numbers[0], numbers[1], numbers[2], numbers[3]);
+  if (message.size() > hal::kMaxCanData_bytes) {
+    split_fast_packet(id, message, sequence_, &result.frames);
+    sequence_ = static_cast<std::uint8_t>((sequence_ + 1U) & 7U);
+    return result;
+  }
+  hal::CanFrame frame{};
+  frame.id = id;
+  frame.length_bytes = static_cast<std::uint8_t>(message.size());
+  std::copy(message.begin(), message.end(), frame.data.begin());
+  result.frames.push_back(frame);
+  return result;
+}
+
+}  // namespace leadline::host

@@ -1,0 +1,45 @@
+// CAN frames written as text, one a line:
+//
+//   candump -l, -L    (1502984866.421964) can0 09F112CC#FF725AFF7FFF7FFD
+//   candump           can0  09F112CC   [8]  FF 72 5A FF 7F FF 7F FD      with or without a time in front
+//   canboat           2016-02-28T19:57:02.364Z,2,127250,7,255,8,ff,10,3b,ff,7f,ce,f5,fc
+//
+// canboat's lines carry whole NMEA 2000 messages; those of more than eight bytes come back as the
+// fast-packet frames that they travelled in (with sequence numbers of their own).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "hal/can_frame.hpp"
+#include "model/base/units.hpp"
+
+namespace leadline::host {
+
+enum class CanLineKind : std::uint8_t {
+  kFrames,   ///< at least one frame
+  kComment,  ///< blank, begins with '#', or a note of canboat's own (PGN beyond 0x3FFFF)
+  kBad,      ///< neither; nothing of it is used
+};
+
+struct CanLine {
+  CanLineKind kind = CanLineKind::kBad;
+  std::optional<base::TimeUs> t_us;  ///< as written; since 1970 where the line has a date
+  std::vector<hal::CanFrame> frames;
+};
+
+class CanTextReader {
+ public:
+  /// O(line).
+  [[nodiscard]] CanLine parse(std::string_view line);
+
+ private:
+  std::uint8_t sequence_ = 0;  ///< of the next fast packet, 0 .. 7
+};
+
+/// Whether a line looks like one of these: for telling text from bytes.
+[[nodiscard]] bool looks_like_can_text(std::string_view line);
+
+}  // namespace leadline::host

@@ -1,0 +1,175 @@
+#!/usr/bin/env python3
+"""`leadline decode`: vectors of the device notes, what scripts rely on, and the real captures of the shared
+data (skipped where they are not there)."""
+
+import csv
+import json
+import math
+import os
+import pathlib
+import subprocess
+import sys
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
+from contract import INPUT, LEADLINE, OK, USAGE  # noqa: E402
+
+ROOT = pathlib.Path(os.environ["LEADLINE_ROOT"])
+DATA = pathlib.Path(os.environ.get("LEADLINE_DATA", ROOT.parent / "shared" / "data"))
+
+# ping1d profile: distance 1000 mm, confidence 93, ten points (ping-protocol's own example).
+PING1D = bytes.fromhex(
+    "425224001405382de80300005d003f081c2ba602a00f0000b888000004000000"
+    "0a0000010203040506070809de05")
+
+
+def run(*arguments, stdin=b""):
+    return subprocess.run([LEADLINE, "decode", *map(str, arguments)], input=stdin,
+                          capture_output=True, timeout=600)
+
+
+def records(driver, path, stdin=b""):
+    done = run("--driver", driver, path, "--json", stdin=stdin)
+    assert done.returncode == OK, done.stderr.decode()
+    lines = [json.loads(line) for line in done.stdout.decode().splitlines()]
+    assert lines[-1]["record"] == "summary"
+    return lines[:-1], lines[-1]
+
+
+def data(name):
+    path = DATA / name
+    if not path.exists():
+        raise unittest.SkipTest(f"{name} is not there")
+    return path
+
+
+def rows(name):
+    with data(name).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def of_kind(found, kind):
+    return [record for record in found if record["record"] == kind]
+
+
+class Decode(unittest.TestCase):
+    def test_vector_of_a_ping(self):
+        found, summary = records("ping1d", "-", PING1D * 3)
+        self.assertEqual(len(found), 3)  # equal answers in a file are all there
+        self.assertEqual(found[0]["record"], "ping")
+        self.assertEqual(found[0]["range_mm"], [1000.0])
+        self.assertIsNone(found[0]["t_us"])
+        self.assertEqual((summary["frames"], summary["rejected"]), (3, {}))
+
+    def test_damage_costs_its_frame_only(self):
+        for lost in range(len(PING1D)):
+            broken = PING1D[:lost] + PING1D[lost + 1:]
+            found, summary = records("ping1d", "-", PING1D + broken + PING1D)
+            self.assertEqual(len(found), 2, lost)
+            self.assertEqual(summary["frames"], 2)
+        found, summary = records("ping1d", "-", PING1D + PING1D[:30])
+        self.assertEqual(len(found), 1)
+        self.assertEqual(summary["rejected"], {"unfinished": 1})
+        self.assertEqual(summary["skipped_bytes"], 30)
+        self.assertEqual(records("ping1d", "-", b"")[1]["frames"], 0)
+
+    def test_unavailable_is_null_and_not_valid(self):
+        # PGN 127257 with a yaw that is not available, then with nothing available (canboat's vector).
+        text = (b"(100.5) can0 09F11923#00FF7F1B002105FF\n"
+                b"(100.6) can0 09F11923#00FF7FFF7FFF7FFF\n")
+        found, summary = records("nmea2000", "-", text)
+        self.assertEqual([record["record"] for record in found], ["attitude", "attitude"])
+        self.assertEqual([record["t_us"] for record in found], [100500000, 100600000])
+        self.assertEqual([record["valid"] for record in found], [True, False])
+        self.assertAlmostEqual(found[0]["pitch_deg"], 0.155, places=3)
+        self.assertAlmostEqual(found[0]["roll_deg"], 7.523, places=3)
+        self.assertIsNone(found[0]["heading_deg"])
+        for key in ("roll_deg", "pitch_deg", "yaw_deg", "heading_deg"):
+            self.assertIsNone(found[1][key])
+        self.assertEqual(summary["frames"], 2)
+
+    def test_text_is_a_line_a_record(self):
+        done = run("--driver", "ping1d", "-", stdin=PING1D)
+        lines = done.stdout.decode().splitlines()
+        self.assertEqual(len(lines), 2)
+        self.assertTrue(lines[0].startswith("ping "))
+        self.assertIn("range_mm [1000.0]", lines[0])
+        self.assertIn("1 frames", lines[1])
+
+    def test_errors_name_what_they_are_about(self):
+        done = run("--driver", "pign360", "x")
+        self.assertEqual(done.returncode, USAGE)
+        self.assertIn(b"did you mean ping360", done.stderr)
+        done = run("--driver", "ping360", "/no/such/file")
+        self.assertEqual(done.returncode, INPUT)
+        self.assertIn(b"/no/such/file", done.stderr)
+        self.assertEqual(run("--driver", "ping360", "/tmp").returncode, INPUT)
+
+
+class RealCaptures(unittest.TestCase):
+    def test_ping360_in_a_tank(self):
+        found, summary = records(
+            "ping360", data("ping360_sector_junayed/derived/frames.bin"))
+        table = rows("ping360_sector_junayed/derived/pings.csv")
+        self.assertEqual((len(found), summary["frames"], summary["rejected"]), (101, 101, {}))
+        for row, record in zip(table, found):
+            self.assertEqual(bytes(record["samples"]), bytes.fromhex(row["samples_hex"]))
+            self.assertAlmostEqual(record["angle_deg"], 0.9 * int(row["angle_gradian"]), places=5)
+
+    def nmea2000(self, capture, decoded):
+        table = rows("nmea2000_canboat/derived/" + decoded)
+        found, summary = records("nmea2000", data("nmea2000_canboat/" + capture))
+        self.assertEqual(summary["rejected"], {})
+        columns = {"attitude": ("attitude", {"v1": "yaw_deg", "v2": "pitch_deg", "v3": "roll_deg"}),
+                   "heading": ("heading", {"v1": "heading_deg"}),
+                   "rot": ("rates", {"v1": "yaw_rate_deg_s"}),
+                   "depth": ("altitude", {"v1": "altitude_m"})}
+        for kind, (record, keys) in columns.items():
+            expected = [row for row in table if row["kind"] == kind]
+            got = of_kind(found, record)
+            if kind != "heading" or expected:
+                self.assertEqual(len(got), len(expected), kind)
+            for row, line in zip(expected, got):
+                self.assertEqual(line["t_us"], round(float(row["t_unix"]) * 1e6))
+                for column, key in keys.items():
+                    if row[column] == "" or line[key] is None:
+                        self.assertEqual(row[column] == "", line[key] is None)
+                    else:
+                        self.assertAlmostEqual(float(row[column]), line[key], delta=1e-4)
+
+    def test_candump_with_its_log_layout(self):
+        self.nmea2000("raw/candumpSample3.txt", "candumpSample3.decoded.csv")
+
+    def test_canboat_text(self):
+        self.nmea2000("raw/furuno-130842-figure8-fast.raw",
+                      "furuno-130842-figure8-fast.decoded.csv")
+        self.nmea2000("raw/raymarine-ev1.raw", "raymarine-ev1.decoded.csv")
+
+    def test_the_same_bus_in_both_layouts(self):
+        one, _ = records("nmea2000", data("nmea2000_canboat/raw/dirona-actisense-serial.raw"))
+        other, _ = records(
+            "nmea2000", data("nmea2000_canboat/derived/dirona-actisense-serial.candump"))
+        self.assertEqual(len(one), 22806)
+        self.assertEqual(one, other)
+
+    def test_telemetry_log(self):
+        found, summary = records("mavlink", data("ardusub_logs/testing_small.tlog"))
+        table = rows("ardusub_logs/testing_small_nav.csv")
+        self.assertEqual(summary["container"], "MAVLink telemetry log")
+        attitudes = of_kind(found, "attitude")
+        expected = [row for row in table if row["kind"].startswith("attitude")]
+        self.assertEqual(len(attitudes), len(expected))
+        for row, record in zip(expected, attitudes):
+            self.assertEqual(record["t_us"], round(float(row["t_unix"]) * 1e6))
+            for column, key in {"v1": "roll_deg", "v2": "pitch_deg", "v3": "yaw_deg"}.items():
+                self.assertAlmostEqual(math.degrees(float(row[column])), record[key], delta=0.01)
+
+    def test_multibeam_in_xtf(self):
+        found, summary = records(
+            "r2sonic", data("multibeam_r2sonic2026_sfbay/raw/first550pings.xtf"))
+        self.assertEqual((len(found), summary["rejected"]), (550, {}))
+        self.assertTrue(all(200 < len(record["range_mm"]) <= 256 for record in found))
+
+
+if __name__ == "__main__":
+    unittest.main()
