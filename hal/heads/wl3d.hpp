@@ -30,7 +30,7 @@
 
 namespace leadline::hal {
 
-inline constexpr std::size_t kMaxWl3dPixels = 256 * 64;
+inline constexpr std::size_t kMaxWl3dPixels = std::size_t{256} * 64;
 /// An image of nothing but three-byte pixels, and its other fields.
 inline constexpr std::size_t kMaxWl3dMessage_bytes = 3 * kMaxWl3dPixels + 512;
 /// Longest packet: a message that could not be compressed.
