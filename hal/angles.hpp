@@ -50,15 +50,42 @@ namespace leadline::hal {
 
 /// atan(2^-i) in units of 2^-40 turn.
 inline constexpr std::array<std::int64_t, 36> kCordic_bam40{
-    137'438'953'472, 81'134'951'838, 42'869'480'287, 21'761'217'566,
-    10'922'836'750, 5'466'743'129, 2'734'038'620, 1'367'102'738,
-    683'561'799, 341'782'203, 170'891'265, 85'445'653,
-    42'722'829, 21'361'415, 10'680'707, 5'340'354,
-    2'670'177, 1'335'088, 667'544, 333'772,
-    166'886, 83'443, 41'722, 20'861,
-    10'430, 5'215, 2'608, 1'304,
-    652, 326, 163, 81,
-    41, 20, 10, 5,
+    137'438'953'472,
+    81'134'951'838,
+    42'869'480'287,
+    21'761'217'566,
+    10'922'836'750,
+    5'466'743'129,
+    2'734'038'620,
+    1'367'102'738,
+    683'561'799,
+    341'782'203,
+    170'891'265,
+    85'445'653,
+    42'722'829,
+    21'361'415,
+    10'680'707,
+    5'340'354,
+    2'670'177,
+    1'335'088,
+    667'544,
+    333'772,
+    166'886,
+    83'443,
+    41'722,
+    20'861,
+    10'430,
+    5'215,
+    2'608,
+    1'304,
+    652,
+    326,
+    163,
+    81,
+    41,
+    20,
+    10,
+    5,
 };
 
 /// Direction of (x, y) from the x axis towards the y axis (CORDIC, error below 2 units); 0 for the
@@ -99,7 +126,8 @@ inline constexpr std::array<std::int64_t, 36> kCordic_bam40{
   const std::int64_t one = base::kOne_q30;
   const std::int64_t sine = base::clamp(sine_q30, -one, one);
   // Q31: one bit more of the cosine.
-  const std::uint32_t cosine_q31 = isqrt_u64(static_cast<std::uint64_t>(one * one - sine * sine) * 4);
+  const std::uint32_t cosine_q31 =
+      isqrt_u64(static_cast<std::uint64_t>(one * one - sine * sine) * 4);
   return atan2_bam32(sine * 2, cosine_q31);
 }
 
@@ -199,16 +227,14 @@ inline constexpr std::int64_t kQuaternionSlack_q30 = base::kOne_q30 / 50;
 /// A matrix of body axes forward-left-up in a world of east-north-up, as one of forward-right-down in
 /// north-east-down.
 [[nodiscard]] constexpr Rotation ned_of_enu(const Rotation& r) {
-  return {{{r[1][0], -r[1][1], -r[1][2]},
-           {r[0][0], -r[0][1], -r[0][2]},
-           {-r[2][0], r[2][1], r[2][2]}}};
+  return {
+      {{r[1][0], -r[1][1], -r[1][2]}, {r[0][0], -r[0][1], -r[0][2]}, {-r[2][0], r[2][1], r[2][2]}}};
 }
 
 /// The same from a world of north-west-up.
 [[nodiscard]] constexpr Rotation ned_of_nwu(const Rotation& r) {
-  return {{{r[0][0], -r[0][1], -r[0][2]},
-           {-r[1][0], r[1][1], r[1][2]},
-           {-r[2][0], r[2][1], r[2][2]}}};
+  return {
+      {{r[0][0], -r[0][1], -r[0][2]}, {-r[1][0], r[1][1], r[1][2]}, {-r[2][0], r[2][1], r[2][2]}}};
 }
 
 }  // namespace leadline::hal

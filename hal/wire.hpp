@@ -127,7 +127,7 @@ inline constexpr std::int64_t kMaxDoubleScale = 0xFFFFFFFF;
     }
   } else if (exponent >= -32) {
     const int shift = -exponent;
-    if (high >= (std::uint64_t{1} << (29 + shift))) {
+    if (high >= (std::uint64_t{1} << (30 + shift))) {
       return false;
     }
     magnitude = (high << (32 - shift)) + ((low + (std::uint64_t{1} << (shift - 1))) >> shift);
@@ -136,9 +136,35 @@ inline constexpr std::int64_t kMaxDoubleScale = 0xFFFFFFFF;
     const int shift = -exponent - 32;
     magnitude = (high + (std::uint64_t{1} << (shift - 1))) >> shift;
   }
+  if (magnitude >= kLimit) {
+    return false;
+  }
   const auto value = static_cast<std::int64_t>(magnitude);
   out = (bits >> 63U) != 0 ? -value : value;
   return true;
+}
+
+/// The IEEE 754 single nearest to numerator / denominator (1 .. 2^24), |numerator| below 2^32: within one
+/// unit in the last place for quotients above 2^-8, coarser below. O(1).
+[[nodiscard]] constexpr std::uint32_t f32_bits_of_ratio(std::int64_t numerator,
+                                                        std::uint32_t denominator) {
+  const std::uint32_t sign = numerator < 0 ? 0x80000000U : 0U;
+  const auto magnitude = static_cast<std::uint64_t>(numerator < 0 ? -numerator : numerator);
+  // value = quotient * 2^-31
+  std::uint64_t quotient = (magnitude << 31U) / denominator;
+  if (quotient == 0) {
+    return sign;
+  }
+  std::uint32_t biased = 127 + 23 - 31;
+  for (; quotient >= (std::uint64_t{1} << 25U); ++biased) {
+    quotient >>= 1U;
+  }
+  for (; quotient < (std::uint64_t{1} << 24U); --biased) {
+    quotient <<= 1U;
+  }
+  // 25 bits: the last one rounds, and a carry runs into the exponent as it should.
+  quotient = (quotient >> 1U) + (quotient & 1U);
+  return sign | ((biased << 23U) + static_cast<std::uint32_t>(quotient));
 }
 
 }  // namespace leadline::hal

@@ -1,97 +1,152 @@
 #include "firmware/pipeline/device_port.hpp"
 
+#include <new>
+#include <type_traits>
+#include <utility>
+
 namespace leadline::firmware {
 namespace {
 
-std::uint32_t rejected_by_head(const hal::PingHeadCounters& counters) {
-  return counters.frames.bad_checksum + counters.frames.bad_length + counters.frames.unknown_id +
-         counters.frames.gaps + counters.bad_values + counters.wrong_device;
+const hal::CodecCounters& uniform(const hal::CodecCounters& counters) { return counters; }
+
+hal::CodecCounters uniform(const hal::NmeaCounters& from) {
+  hal::CodecCounters to{};
+  to.frames = from.records + from.ignored + from.no_data + from.bad_field;
+  to.records = from.records + from.no_data;
+  to.ignored = from.ignored;
+  to.no_data = from.no_data;
+  to.bad_checksum = from.bad_checksum + from.no_checksum;
+  to.bad_values = from.bad_field + from.bad_byte;
+  to.bad_length = from.too_long;
+  to.unfinished = from.unfinished;
+  return to;
+}
+
+base::Ping& record_of(DeviceRecord& record, std::true_type /*head*/) { return record.ping; }
+base::NavSample& record_of(DeviceRecord& record, std::false_type /*head*/) { return record.sample; }
+
+// What not every codec has.
+template <class Codec, class Record, class = void>
+struct HasNext : std::false_type {};
+template <class Codec, class Record>
+struct HasNext<Codec, Record,
+               std::void_t<decltype(std::declval<Codec&>().next(std::declval<Record&>()))>>
+    : std::true_type {};
+
+template <class Codec, class = void>
+struct HasRequest : std::false_type {};
+template <class Codec>
+struct HasRequest<Codec, std::void_t<decltype(std::declval<Codec&>().request(
+                             base::TimeUs{}, std::declval<std::uint8_t*>(), std::size_t{}))>>
+    : std::true_type {};
+
+/// The calls of one entry's codec.
+template <class Entry>
+struct Calls {
+  using Codec = typename Entry::Codec;
+  using IsHead = std::bool_constant<is_head(Entry::kDriver)>;
+  using Record = std::conditional_t<IsHead::value, base::Ping, base::NavSample>;
+  static constexpr RecordKind kKind = IsHead::value ? RecordKind::kPing : RecordKind::kSample;
+  static_assert(std::is_trivially_destructible_v<Codec>, "nobody destroys a port's codec");
+
+  static Codec& of(void* codec) { return *static_cast<Codec*>(codec); }
+
+  static void* make(void* storage, const PortConfig& port, const DeviceSetup& setup) {
+    // house: begin allow new: constructs in the port's own storage, no heap
+    return ::new (storage) Codec(Entry::config_of(port, setup));
+    // house: end allow
+  }
+  static void* make_default(void* storage) {
+    // house: begin allow new: constructs in the port's own storage, no heap
+    return ::new (storage) Codec(typename Entry::Config{});
+    // house: end allow
+  }
+  static RecordKind feed(void* codec, std::uint8_t byte, base::TimeUs t_arrival_us,
+                         DeviceRecord& record) {
+    return of(codec).feed(byte, t_arrival_us, record_of(record, IsHead{})) ? kKind
+                                                                           : RecordKind::kNone;
+  }
+  static RecordKind next(void* codec, DeviceRecord& record) {
+    if constexpr (HasNext<Codec, Record>::value) {
+      return of(codec).next(record_of(record, IsHead{})) ? kKind : RecordKind::kNone;
+    } else {
+      static_cast<void>(codec);
+      static_cast<void>(record);
+      return RecordKind::kNone;
+    }
+  }
+  static std::size_t request(void* codec, base::TimeUs now_us, std::uint8_t* out,
+                             std::size_t capacity) {
+    if constexpr (HasRequest<Codec>::value) {
+      return of(codec).request(now_us, out, capacity);
+    } else {
+      static_cast<void>(codec);
+      static_cast<void>(now_us);
+      static_cast<void>(out);
+      static_cast<void>(capacity);
+      return 0;
+    }
+  }
+  static void restart(void* codec) { of(codec).restart(); }
+  static hal::CodecCounters counters(const void* codec) {
+    return uniform(static_cast<const Codec*>(codec)->counters());
+  }
+
+  static constexpr DeviceCodec kTable = {Entry::kDriver, &make,    &make_default, &feed,
+                                         &next,          &request, &restart,      &counters};
+};
+
+template <class Entry>
+void consider(Driver driver, const DeviceCodec*& found) {
+  if constexpr (Entry::kEnabled) {
+    if (driver == Entry::kDriver) {
+      found = &Calls<Entry>::kTable;
+    }
+  }
+}
+
+template <class... Entries>
+const DeviceCodec* find_codec(DriverList<Entries...> /*list*/, Driver driver) {
+  const DeviceCodec* found = nullptr;
+  (consider<Entries>(driver, found), ...);
+  return found;
 }
 
 }  // namespace
 
-void DevicePort::configure(const PortConfig& config, std::int32_t sound_speed_mm_s) {
-  driver_ = config.driver;
-  if (driver_ == Driver::kPing1d) {
-    hal::Ping1dConfig head;
-    head.mount = config.mount;
-    head.profile = config.profile != 0;
-    head.poll_interval_us = config.ping_interval_us;
-    head.min_range_um = config.min_range_um;
-    head.max_range_um = config.max_range_um;
-    head.sound_speed_mm_s = sound_speed_mm_s;
-    ping1d_ = hal::Ping1dCodec(head);
-  }
-  if (driver_ == Driver::kPing360) {
-    hal::Ping360Config head;
-    head.mount = config.mount;
-    head.poll_interval_us = config.ping_interval_us;
-    head.scan_first_grad = config.scan_first_grad;
-    head.scan_last_grad = config.scan_last_grad;
-    head.scan_step_grad = config.scan_step_grad;
-    head.min_range_um = config.min_range_um;
-    head.max_range_um = config.max_range_um;
-    head.sound_speed_mm_s = sound_speed_mm_s;
-    ping360_ = hal::Ping360Codec(head);
-  }
-  if (driver_ == Driver::kNmea) {
-    nmea_ = hal::NmeaCodec(hal::NmeaConfig{});
-  }
+const DeviceCodec* device_codec(Driver driver) { return find_codec(DriverEntries{}, driver); }
+
+void DevicePort::configure(const PortConfig& config, const DeviceSetup& setup) {
+  codec_ = device_codec(config.driver);
+  object_ = codec_ != nullptr ? codec_->make(storage_.data(), config, setup) : nullptr;
+}
+
+bool DevicePort::configure_decoding(Driver driver) {
+  codec_ = device_codec(driver);
+  object_ = codec_ != nullptr ? codec_->make_default(storage_.data()) : nullptr;
+  return codec_ != nullptr;
 }
 
 RecordKind DevicePort::feed(std::uint8_t byte, base::TimeUs t_arrival_us, DeviceRecord& record) {
-  bool complete = false;
-  switch (driver_) {
-    case Driver::kPing1d:
-      complete = ping1d_.feed(byte, t_arrival_us, record.ping);
-      break;
-    case Driver::kPing360:
-      complete = ping360_.feed(byte, t_arrival_us, record.ping);
-      break;
-    case Driver::kNmea:
-      return nmea_.feed(byte, t_arrival_us, record.sample) ? RecordKind::kSample
-                                                           : RecordKind::kNone;
-    case Driver::kNone:
-      break;
-  }
-  return complete ? RecordKind::kPing : RecordKind::kNone;
+  return codec_ != nullptr ? codec_->feed(object_, byte, t_arrival_us, record) : RecordKind::kNone;
 }
 
 RecordKind DevicePort::next(DeviceRecord& record) {
-  if (driver_ == Driver::kPing1d) {
-    return ping1d_.next(record.ping) ? RecordKind::kPing : RecordKind::kNone;
-  }
-  if (driver_ == Driver::kPing360) {
-    return ping360_.next(record.ping) ? RecordKind::kPing : RecordKind::kNone;
-  }
-  return RecordKind::kNone;
+  return codec_ != nullptr ? codec_->next(object_, record) : RecordKind::kNone;
 }
 
 std::size_t DevicePort::request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity) {
-  if (driver_ == Driver::kPing1d) {
-    return ping1d_.request(now_us, out, capacity);
-  }
-  if (driver_ == Driver::kPing360) {
-    return ping360_.request(now_us, out, capacity);
-  }
-  return 0;
+  return codec_ != nullptr ? codec_->request(object_, now_us, out, capacity) : 0;
 }
 
-std::uint32_t DevicePort::rejected() const {
-  switch (driver_) {
-    case Driver::kPing1d:
-      return rejected_by_head(ping1d_.counters());
-    case Driver::kPing360:
-      return rejected_by_head(ping360_.counters());
-    case Driver::kNmea: {
-      const hal::NmeaCounters& counters = nmea_.counters();
-      return counters.bad_checksum + counters.no_checksum + counters.bad_field + counters.bad_byte +
-             counters.too_long + counters.unfinished;
-    }
-    case Driver::kNone:
-      break;
+void DevicePort::restart() {
+  if (codec_ != nullptr) {
+    codec_->restart(object_);
   }
-  return 0;
+}
+
+hal::CodecCounters DevicePort::counters() const {
+  return codec_ != nullptr ? codec_->counters(object_) : hal::CodecCounters{};
 }
 
 }  // namespace leadline::firmware

@@ -311,37 +311,157 @@ Outcome take_gga(const Sentence& sentence, base::NavSample& sample) {
   return Outcome::kRecord;
 }
 
-Outcome take_sentence(const Sentence& sentence, const NmeaConfig& config, base::NavSample& sample) {
-  const Field address = sentence.at(0);
+/// `value` in units of `unit_nm_s` (nanometres a second).
+bool parse_speed(const Field& value, std::int64_t unit_nm_s, std::int64_t& speed_um_s) {
+  std::int64_t value_e9 = 0;
+  if (!parse_within(value, -1000 * kE9, 1000 * kE9, value_e9)) {
+    return false;
+  }
+  speed_um_s = divide_rounded(divide_rounded(value_e9, 1000) * unit_nm_s, kE9);
+  return true;
+}
+
+constexpr std::int64_t kKnot_nm_s = 514'444'444;
+constexpr std::int64_t kKilometreAnHour_nm_s = 277'777'778;
+
+/// Speed in knots, or where that is missing in km/h, each in front of its unit.
+bool take_speed(const Sentence& sentence, std::size_t knots_at, std::int64_t& speed_um_s) {
+  const Field knots = sentence.at(knots_at);
+  if (!knots.empty()) {
+    return unit_is(sentence.at(knots_at + 1), "N") && parse_speed(knots, kKnot_nm_s, speed_um_s);
+  }
+  return unit_is(sentence.at(knots_at + 3), "K") &&
+         parse_speed(sentence.at(knots_at + 2), kKilometreAnHour_nm_s, speed_um_s);
+}
+
+Outcome take_vhw(const Sentence& sentence, base::NavSample& sample) {
+  if (sentence.at(5).empty() && sentence.at(7).empty()) {
+    return Outcome::kNoData;
+  }
+  if (!take_speed(sentence, 5, sample.velocity_um_s[0])) {
+    return Outcome::kBadField;
+  }
+  sample.fields = base::kNavVelocityWater;
+  return Outcome::kRecord;
+}
+
+Outcome take_vtg(const Sentence& sentence, base::NavSample& sample) {
+  const bool no_speed = sentence.at(5).empty() && sentence.at(7).empty();
+  if (sentence.at(1).empty() || no_speed || is(sentence.at(9), "N")) {
+    return Outcome::kNoData;
+  }
+  std::int64_t course_e9deg = 0;
+  std::int64_t speed_um_s = 0;
+  if (!parse_heading(sentence.at(1), course_e9deg) || !unit_is(sentence.at(2), "T") ||
+      !take_speed(sentence, 5, speed_um_s)) {
+    return Outcome::kBadField;
+  }
+  const base::Bam32 course_bam32 = bam_of_e9deg(course_e9deg);
+  sample.velocity_um_s[base::kNorth] = base::mul_shift(speed_um_s, base::cos_q30(course_bam32), 30);
+  sample.velocity_um_s[base::kEast] = base::mul_shift(speed_um_s, base::sin_q30(course_bam32), 30);
+  sample.fields = base::kNavVelocityWorld;
+  return Outcome::kRecord;
+}
+
+Outcome take_gll(const Sentence& sentence, base::NavSample& sample) {
+  constexpr std::uint8_t kPlainFix = 160;
+  const bool no_fix = is(sentence.at(6), "V") || is(sentence.at(7), "N");
+  if (no_fix || (sentence.at(1).empty() && sentence.at(3).empty())) {
+    return Outcome::kNoData;
+  }
+  if (!parse_coordinate(sentence.at(1), sentence.at(2), "N", "S", 90, sample.latitude_e9deg) ||
+      !parse_coordinate(sentence.at(3), sentence.at(4), "E", "W", 180, sample.longitude_e9deg)) {
+    return Outcome::kBadField;
+  }
+  sample.quality = kPlainFix;
+  sample.fields = base::kNavGeodetic;
+  take_time(sentence.at(5), sample);
+  return Outcome::kRecord;
+}
+
+enum class Kind : std::uint8_t {
+  kOther,
+  kHdg,
+  kHdm,
+  kHdt,
+  kDbt,
+  kDpt,
+  kGga,
+  kGll,
+  kVtg,
+  kVhw,
+  kPashr,
+  kPrdid,
+  kPrvat
+};
+
+struct SentenceType {
+  const char* name;  ///< behind the talker; whole where there is none
+  Kind kind;
+  base::NavKind about;
+};
+
+constexpr SentenceType kTypes[]{
+    {"HDG", Kind::kHdg, base::NavKind::kHeading},
+    {"HDM", Kind::kHdm, base::NavKind::kHeading},
+    {"HDT", Kind::kHdt, base::NavKind::kHeading},
+    {"DBT", Kind::kDbt, base::NavKind::kAltitude},
+    {"DPT", Kind::kDpt, base::NavKind::kAltitude},
+    {"GGA", Kind::kGga, base::NavKind::kPosition},
+    {"GLL", Kind::kGll, base::NavKind::kPosition},
+    {"VTG", Kind::kVtg, base::NavKind::kVelocity},
+    {"VHW", Kind::kVhw, base::NavKind::kVelocity},
+    {"PASHR", Kind::kPashr, base::NavKind::kAttitude},
+    {"PRDID", Kind::kPrdid, base::NavKind::kAttitude},
+    {"PRVAT", Kind::kPrvat, base::NavKind::kAltitude},
+};
+constexpr SentenceType kOtherType{"", Kind::kOther, base::NavKind::kOther};
+
+SentenceType type_of(const Field& address) {
   if (address.size != 5) {
-    return Outcome::kIgnored;
+    return kOtherType;
   }
-  if (upper(address.text[0]) == 'P') {
-    if (is(address, "PASHR")) {
+  const bool proprietary = upper(address.text[0]) == 'P';
+  const Field name = proprietary ? address : Field{address.text + 2, 3};
+  for (const SentenceType& type : kTypes) {
+    if (is(name, type.name)) {
+      return type;
+    }
+  }
+  return kOtherType;
+}
+
+Outcome take_sentence(Kind kind, const Sentence& sentence, const NmeaConfig& config,
+                      base::NavSample& sample) {
+  switch (kind) {
+    case Kind::kHdg:
+      return take_hdg(sentence, config, sample);
+    case Kind::kHdm:
+      return take_heading(sentence, "M", base::kNavHeadingMagnetic, sample);
+    case Kind::kHdt:
+      return take_heading(sentence, "T", base::kNavHeading, sample);
+    case Kind::kDbt:
+      return take_dbt(sentence, sample);
+    case Kind::kDpt:
+      return take_dpt(sentence, sample);
+    case Kind::kGga:
+      return take_gga(sentence, sample);
+    case Kind::kGll:
+      return take_gll(sentence, sample);
+    case Kind::kVtg:
+      return take_vtg(sentence, sample);
+    case Kind::kVhw:
+      return take_vhw(sentence, sample);
+    case Kind::kPashr:
       return take_pashr(sentence, sample);
-    }
-    if (is(address, "PRDID")) {
+    case Kind::kPrdid:
       return take_prdid(sentence, config, sample);
-    }
-    return is(address, "PRVAT") ? take_prvat(sentence, config, sample) : Outcome::kIgnored;
+    case Kind::kPrvat:
+      return take_prvat(sentence, config, sample);
+    case Kind::kOther:
+      break;
   }
-  const Field type{address.text + 2, 3};
-  if (is(type, "HDG")) {
-    return take_hdg(sentence, config, sample);
-  }
-  if (is(type, "HDM")) {
-    return take_heading(sentence, "M", base::kNavHeadingMagnetic, sample);
-  }
-  if (is(type, "HDT")) {
-    return take_heading(sentence, "T", base::kNavHeading, sample);
-  }
-  if (is(type, "DBT")) {
-    return take_dbt(sentence, sample);
-  }
-  if (is(type, "DPT")) {
-    return take_dpt(sentence, sample);
-  }
-  return is(type, "GGA") ? take_gga(sentence, sample) : Outcome::kIgnored;
+  return Outcome::kIgnored;
 }
 
 }  // namespace
@@ -410,28 +530,28 @@ bool NmeaCodec::finish(base::NavSample& sample) {
       return false;
     }
   }
+  const Sentence sentence = split<kMaxFields>(text_.data(), body);
+  const SentenceType type = type_of(sentence.at(0));
   base::NavSample taken{};
   taken.quality = 255;
+  taken.kind = type.about;
   const std::int64_t sent_ns = (static_cast<std::int64_t>(size_) + 1) * config_.byte_time_ns;
   taken.t_us = t_last_us_ - sent_ns / 1000;
-  switch (take_sentence(split<kMaxFields>(text_.data(), body), config_, taken)) {
-    case Outcome::kNoData:
-      ++counters_.no_data;
-      return false;
+  saw_gga_ = saw_gga_ || type.kind == Kind::kGga;
+  const bool repeated = saw_gga_ && type.kind == Kind::kGll;
+  switch (repeated ? Outcome::kIgnored : take_sentence(type.kind, sentence, config_, taken)) {
     case Outcome::kBadField:
       ++counters_.bad_field;
       return false;
     case Outcome::kIgnored:
       ++counters_.ignored;
       return false;
+    case Outcome::kNoData:
     case Outcome::kRecord:
       break;
   }
-  if (taken.fields == 0) {
-    ++counters_.no_data;
-    return false;
-  }
-  ++counters_.records;
+  counters_.no_data += taken.fields == 0 ? 1U : 0U;
+  counters_.records += taken.fields == 0 ? 0U : 1U;
   sample = taken;
   return true;
 }

@@ -1,5 +1,6 @@
 // NMEA 0183 sentences of attitude, heading, depth and position sensors: HDG, HDM, HDT, PASHR, PRDID,
-// PRVAT, DBT, DPT, GGA. One record per sentence with whatever the sentence holds.
+// PRVAT, DBT, DPT, GGA, GLL, VTG, VHW. One record per sentence with whatever the sentence holds; one that
+// is intact and knows nothing is a record whose `fields` are 0.
 //
 //   '$' talker and type, fields between commas, '*' and the XOR of all bytes between in hex, CR LF
 //
@@ -19,6 +20,10 @@
 // | GGA | latitude, longitude, time of day; without a fix nothing. Quality from the fix: 4 RTK 255,
 // |       5 float 224, 2 differential and 3 192, 1 plain 160, 6 dead reckoning 64. Its altitude is above
 // |       the geoid and is left |
+// | GLL | latitude, longitude, time of day; passed over once a GGA was heard: it says the same without a
+// |       quality |
+// | VTG | velocity north and east (course over ground, true) |
+// | VHW | forward speed through the water; its headings are those of HDG and HDT and are left |
 //
 // A distance of 0 to the bottom is "nothing heard" with all of these and is left out.
 //
@@ -50,9 +55,10 @@ struct NmeaConfig {
 /// What the codec has seen since it was made. Never decremented; wraps at 2^32. Every '$' ends in
 /// exactly one of these, `unfinished` included.
 struct NmeaCounters {
-  std::uint32_t records;  ///< delivered
+  std::uint32_t records;  ///< delivered, with something in them
   std::uint32_t ignored;  ///< intact, but not one of ours
-  std::uint32_t no_data;  ///< ours, but says "nothing known" (empty fields, no fix)
+  std::uint32_t
+      no_data;  ///< ours, but says "nothing known" (empty fields, no fix): delivered empty
   std::uint32_t bad_checksum;
   std::uint32_t no_checksum;
   std::uint32_t bad_field;  ///< text that is no number, or a number outside its range
@@ -85,6 +91,7 @@ class NmeaCodec {
   std::array<char, kMaxSentence_bytes> text_{};
   std::size_t size_ = 0;  ///< bytes behind '$'
   bool inside_ = false;
+  bool saw_gga_ = false;
   base::TimeUs t_last_us_ = 0;
   NmeaCounters counters_{};
 };

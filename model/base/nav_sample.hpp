@@ -10,7 +10,7 @@
 namespace leadline::base {
 
 /// Bits of NavSample::fields: what the sample carries. Everything else in it is zero.
-enum NavField : std::uint16_t {
+enum NavField : std::uint32_t {
   kNavRollPitch = 1U << 0U,  ///< attitude.roll_bam32, attitude.pitch_bam32
   kNavHeading = 1U << 1U,    ///< attitude.heading_bam32, true north
   kNavHeadingMagnetic =
@@ -28,6 +28,7 @@ enum NavField : std::uint16_t {
   kNavPositionLocal = 1U << 13U,  ///< position_um, NED from an origin of the sensor's own
   kNavSoundSpeed = 1U << 14U,     ///< sound_speed_mm_s
   kNavTemperature = 1U << 15U,    ///< temperature_mdegc
+  kNavYawRate = 1U << 16U,        ///< rate_urad_s[2] alone: a sensor of one axis
 };
 
 /// What a message of a sensor is about, whether or not it knew the value: a sample whose kind is kVelocity
@@ -49,7 +50,7 @@ enum class NavKind : std::uint8_t {
 
 struct NavSample {
   TimeUs t_us;           ///< instant that the sample speaks of: arrival less the sensor's latency
-  std::uint16_t fields;  ///< NavField bits
+  std::uint32_t fields;  ///< NavField bits
   std::uint8_t quality;  ///< 0 = unusable .. 255 = best; a sensor without a measure reports 255
   NavKind kind;
   Attitude attitude;

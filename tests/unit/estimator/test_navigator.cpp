@@ -59,7 +59,7 @@ Bam32 bam(double radians) {
 }
 double radians(Bam32 angle) { return static_cast<std::int32_t>(angle) / kBamPerRad; }
 
-NavSample sample_at(TimeUs t_us, std::uint16_t fields) {
+NavSample sample_at(TimeUs t_us, std::uint32_t fields) {
   NavSample sample{};
   sample.t_us = t_us;
   sample.fields = fields;

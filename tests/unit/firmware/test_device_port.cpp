@@ -1,4 +1,5 @@
 // One port of each driver: its codec's records, requests and rejections come through.
+#include <string>
 #include <vector>
 
 #include "firmware/pipeline/device_port.hpp"
@@ -34,7 +35,7 @@ PortConfig config_of(Driver driver) {
 }
 
 TEST(a_scanning_head_sweeps_its_sector) {
-  port.configure(config_of(Driver::kPing360), 1'480'000);
+  port.configure(config_of(Driver::kPing360), {1'480'000});
   EmulatedPing360 head(EmulatedPing360Config{}, [](const leadline::emu::Ping360Shot& shot) {
     return Bytes(static_cast<std::size_t>(shot.samples), 9);
   });
@@ -73,7 +74,7 @@ TEST(a_scanning_head_sweeps_its_sector) {
 }
 
 TEST(sensors_only_talk) {
-  port.configure(config_of(Driver::kNmea), 1'500'000);
+  port.configure(config_of(Driver::kNmea), {1'500'000});
   leadline::emu::NmeaTruth truth;
   truth.heading_deg = 90;
   const std::string sentence =
@@ -93,7 +94,7 @@ TEST(sensors_only_talk) {
 }
 
 TEST(a_port_without_a_driver_is_deaf_and_dumb) {
-  port.configure(PortConfig{}, 1'500'000);
+  port.configure(PortConfig{}, {1'500'000});
   assert_int_equal(port.driver(), Driver::kNone);
   DeviceRecord record{};
   std::uint8_t request[64];
@@ -103,6 +104,41 @@ TEST(a_port_without_a_driver_is_deaf_and_dumb) {
   assert_int_equal(port.next(record), RecordKind::kNone);
   assert_int_equal(port.request(0, request, sizeof(request)), 0);
   assert_int_equal(port.rejected(), 0);
+}
+
+// The numbers stand in logs, the names in configurations: neither may ever move.
+TEST(drivers_keep_their_numbers_and_names) {
+  const std::vector<std::string> names = {
+      "ping1d",  "ping360",   "nmea",   "cerulean", "imagenex",  "deltat83p", "tritech",
+      "r2sonic", "kongsberg", "wl3d",   "tss1",     "vectornav", "xsens",     "trax",
+      "wldvl",   "pd0",       "keller", "nmea2000", "mavlink"};
+  assert_int_equal(names.size(), leadline::firmware::kLastDriver);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    assert_string_equal(driver_name(static_cast<Driver>(i + 1)), names[i].c_str());
+  }
+  assert_null(driver_info(Driver::kNone));
+  assert_null(driver_info(static_cast<Driver>(leadline::firmware::kLastDriver + 1)));
+  assert_string_equal(driver_name(static_cast<Driver>(255)), "none");
+  assert_true(is_head(Driver::kPing360));
+  assert_false(is_head(Driver::kNmea));
+  assert_false(is_head(Driver::kNone));
+}
+
+TEST(a_codec_of_another_driver_takes_the_storage_of_the_one_before) {
+  assert_true(port.configure_decoding(Driver::kNmea));
+  DeviceRecord record{};
+  for (const char c : std::string("$GPHDT,1.0,T*00\r\n")) {
+    assert_int_equal(port.feed(static_cast<std::uint8_t>(c), 0, record), RecordKind::kNone);
+  }
+  assert_int_equal(port.counters().bad_checksum, 1);
+  assert_true(port.configure_decoding(Driver::kPing1d));
+  assert_int_equal(port.driver(), Driver::kPing1d);
+  assert_int_equal(port.rejected(), 0);
+  assert_int_equal(port.counters().restarts, 0);
+  port.restart();
+  assert_int_equal(port.counters().restarts, 1);
+  assert_false(port.configure_decoding(Driver::kNone));
+  assert_int_equal(port.counters().restarts, 0);
 }
 
 }  // namespace

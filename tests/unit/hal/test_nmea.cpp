@@ -1,3 +1,4 @@
+#include <cmath>
 #include <cstdio>
 
 #include "hal/attitude/nmea.hpp"
@@ -228,10 +229,16 @@ TEST(nothing_known_is_no_record) {
       "GPGGA,120000,,,,,0,00,,,M,,M,,",
       "GPGGA,120000,4807.0,N,01131.0,E,7,00,,,M,,M,,",
       "GPGGA,120000,4807.0,N,01131.0,E,,00,,,M,,M,,",
+      "GPVTG,,T,,M,,N,,K,N",
+      "GPVTG,90,T,,M,5,N,,K,N",
+      "IIVHW,,T,,M,,N,,K",
   };
   NmeaCodec codec({});
   for (const char* const line : lines) {
-    assert_int_equal(feed(codec, from_text(sealed(line) + "\r\n")).size(), 0);
+    const auto samples = feed(codec, from_text(sealed(line) + "\r\n"));
+    assert_int_equal(samples.size(), 1);
+    assert_int_equal(samples[0].fields, 0);
+    assert_true(samples[0].kind != leadline::base::NavKind::kOther);
   }
   assert_int_equal(codec.counters().no_data, std::size(lines));
 }
@@ -383,7 +390,7 @@ TEST(every_start_ends_in_one_counter) {
   }
   codec.restart();
   const auto& c = codec.counters();
-  assert_int_equal(records, c.records);
+  assert_int_equal(records, c.records + c.no_data);
   assert_true(records > 1000 && c.too_long > 0 && c.bad_byte > 0 && c.unfinished > 0);
   assert_int_equal(starts, c.records + c.ignored + c.no_data + c.bad_checksum + c.no_checksum +
                                c.bad_field + c.bad_byte + c.too_long + c.unfinished);
@@ -398,4 +405,53 @@ TEST(restart_forgets_half_a_sentence) {
   assert_int_equal(codec.counters().unfinished, 1);
   codec.restart();
   assert_int_equal(codec.counters().unfinished, 1);
+}
+
+TEST(position_without_a_quality_only_until_a_better_one_is_heard) {
+  const NavSample gll = body("GPGLL,6010.001,N,02458.002,E,120000,A");
+  assert_int_equal(gll.kind, leadline::base::NavKind::kPosition);
+  assert_int_equal(gll.fields, leadline::base::kNavGeodetic | leadline::base::kNavUtc);
+  assert_int_equal(gll.latitude_e9deg, 60'166'683'333);
+  assert_int_equal(gll.longitude_e9deg, 24'966'700'000);
+  assert_int_equal(body("GPGLL,6010.001,N,02458.002,E,120000,V").fields, 0);
+  assert_int_equal(body("GPGLL,,,,,,").fields, 0);
+  NmeaCodec codec({});
+  const auto line = from_text(sealed("GPGLL,6010.001,N,02458.002,E,120000,A") + "\r\n");
+  assert_int_equal(feed(codec, line).size(), 1);
+  assert_int_equal(feed(codec, from_text(sealed("GPGGA,,,,,,0,,,,,,,") + "\r\n")).size(), 1);
+  assert_int_equal(feed(codec, line).size(), 0);
+  assert_int_equal(codec.counters().ignored, 1);
+}
+
+TEST(speeds_over_ground_and_through_water) {
+  // data/nmea_signalk, REAL.
+  const NavSample ground = only("$IIVTG,224.44,T,224.44,M,5.81,N,,,D*68");
+  assert_int_equal(ground.kind, leadline::base::NavKind::kVelocity);
+  assert_int_equal(ground.fields, leadline::base::kNavVelocityWorld);
+  const double speed_um_s = 5.81 * 1852e6 / 3600;
+  assert_near(static_cast<double>(ground.velocity_um_s[0]),
+              speed_um_s * std::cos(224.44 / 57.29577951308232), 3);
+  assert_near(static_cast<double>(ground.velocity_um_s[1]),
+              speed_um_s * std::sin(224.44 / 57.29577951308232), 3);
+  const NavSample water = only("$IIVHW,,T,,M,06.11,N,11.31,K*51");
+  assert_int_equal(water.fields, leadline::base::kNavVelocityWater);
+  assert_near(static_cast<double>(water.velocity_um_s[0]), 6.11 * 1852e6 / 3600, 3);
+  assert_near(static_cast<double>(body("IIVHW,,T,,M,,N,11.31,K").velocity_um_s[0]), 11.31e6 / 3.6,
+              3);
+}
+
+TEST(every_record_says_what_it_is_about) {
+  using leadline::base::NavKind;
+  const struct {
+    const char* text;
+    NavKind kind;
+  } cases[] = {
+      {"HCHDG,10,,,,", NavKind::kHeading},     {"HCHDM,10,M", NavKind::kHeading},
+      {"GPHDT,10,T", NavKind::kHeading},       {"SDDBT,1,f,,M,,F", NavKind::kAltitude},
+      {"SDDPT,1,0", NavKind::kAltitude},       {"GPGGA,1,4807.0,N,01131.0,E,1", NavKind::kPosition},
+      {"PRDID,1,2,3", NavKind::kAttitude},     {"PASHR,1,10,T,1,2,0,0,0,0,0,0", NavKind::kAttitude},
+      {"PRVAT,1,M,1,dBar", NavKind::kAltitude}};
+  for (const auto& one : cases) {
+    assert_int_equal(body(one.text).kind, one.kind);
+  }
 }

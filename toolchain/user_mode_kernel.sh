@@ -1,0 +1,93 @@
+#!/usr/bin/env bash
+# Builds a Linux kernel that runs as a plain process and carries what no machine of ours need have: CAN buses
+# (vcan, slcan) and GPIO lines (gpio-sim), for tests/cli/test_kernel_buses_ci.sh.
+#
+# usage: toolchain/user_mode_kernel.sh [--jobs N] [--print-path]
+#   --jobs N       parallel compilations (default: all processors)
+#   --print-path   only print where the kernel is, or will be
+#
+# Takes about ten minutes of processor time, once: the kernel (6 MB) stays in
+# ${LEADLINE_CACHE:-${XDG_CACHE_HOME:-~/.cache}/leadline}, outside of the checkout. Needs Debian's linux-source-6.1, flex,
+# bison, bc, make, gcc, xz-utils; says what is missing.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+
+cache=${LEADLINE_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/leadline}
+kernel=$cache/user-mode-6.1/linux
+archive=/usr/src/linux-source-6.1.tar.xz
+jobs=$(nproc)
+while [ $# -gt 0 ]; do
+  case $1 in
+    --jobs)
+      [ $# -ge 2 ] || usage_error "--jobs needs a number"
+      jobs=$2
+      shift
+      ;;
+    --print-path)
+      echo "$kernel"
+      exit 0
+      ;;
+    -h | --help)
+      print_help
+      exit 0
+      ;;
+    *) usage_error "unknown option $1" ;;
+  esac
+  shift
+done
+
+if [ -x "$kernel" ]; then
+  echo "user_mode_kernel: there already: $kernel"
+  exit 0
+fi
+[ -r "$archive" ] || die "no $archive: apt-get install linux-source-6.1"
+for tool in flex bison bc make gcc xz; do
+  command -v "$tool" >/dev/null || die "$tool is not installed"
+done
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+echo "user_mode_kernel: unpacking"
+tar -C "$work" -xJf "$archive"
+source_tree=$work/linux-source-6.1
+build=$work/build
+mkdir -p "$build"
+# This architecture has 64 interrupt numbers and uses all of them: the edges of simulated lines need more.
+sed -i '/else/,/endif/s/define NR_IRQS\t*UM_LAST_SIGNAL_IRQ$/define NR_IRQS (UM_LAST_SIGNAL_IRQ + 64)/' \
+  "$source_tree/arch/um/include/asm/irq.h"
+options=(
+  # A system that programs run in
+  64BIT PRINTK BUG MULTIUSER POSIX_TIMERS FUTEX EPOLL EVENTFD SIGNALFD TIMERFD AIO HIGH_RES_TIMERS
+  FILE_LOCKING BINFMT_ELF BINFMT_SCRIPT TTY UNIX98_PTYS STDERR_CONSOLE SSL NULL_CHAN PTY_CHAN TTY_CHAN
+  BLOCK PROC_FS PROC_SYSCTL SYSFS TMPFS SHMEM DEVTMPFS DEVTMPFS_MOUNT HOSTFS CONFIGFS_FS DEBUG_FS
+  # Network and CAN
+  NET INET UNIX PACKET NETDEVICES NET_CORE CAN CAN_RAW CAN_VCAN CAN_DEV CAN_NETLINK CAN_SLCAN
+  # Lines
+  GPIOLIB GPIO_CDEV GPIO_CDEV_V1 GPIO_SIM
+)
+{
+  for option in "${options[@]}"; do
+    echo "CONFIG_$option=y"
+  done
+  echo 'CONFIG_CON_ZERO_CHAN="fd:0,fd:1"'
+  echo 'CONFIG_CON_CHAN="null"'
+  echo 'CONFIG_SSL_CHAN="null"'
+} >"$work/fragment"
+(
+  cd "$source_tree"
+  make -s ARCH=um O="$build" tinyconfig
+  ./scripts/kconfig/merge_config.sh -m -O "$build" "$build/.config" "$work/fragment" >"$work/merge.log"
+  make -s ARCH=um O="$build" olddefconfig
+)
+for option in "${options[@]}"; do
+  grep -q "^CONFIG_$option=y" "$build/.config" || die "this kernel cannot have CONFIG_$option"
+done
+echo "user_mode_kernel: building"
+make -s -C "$source_tree" ARCH=um O="$build" -j"$jobs" linux >"$work/build.log" 2>&1 ||
+  die "the build failed: $(tail -5 "$work/build.log")"
+mkdir -p "$(dirname "$kernel")"
+strip -g "$build/linux"
+# Whole or not at all: two builds may end at the same time.
+cp "$build/linux" "$kernel.$$"
+mv "$kernel.$$" "$kernel"
+echo "user_mode_kernel: $kernel"
