@@ -32,8 +32,8 @@
 #include <cstdint>
 
 #include "hal/codec.hpp"
+#include "hal/exchange.hpp"
 #include "hal/heads/nav_queue.hpp"
-#include "hal/heads/ping_session.hpp"
 #include "model/base/nav_sample.hpp"
 #include "model/base/ping.hpp"
 #include "model/base/units.hpp"
@@ -112,7 +112,7 @@ class ImagenexCodec {
   ImagenexConfig config_;
   CodecCounters counters_{};
   Framer<12 + kMaxImagenexPoints + 1> framer_;
-  PingExchange exchange_;
+  Exchange exchange_;
   base::TimeUs next_poll_us_ = 0;
   NavQueue samples_;
   std::array<std::uint16_t, kMaxImagenexPoints> intensity_{};

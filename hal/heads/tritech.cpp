@@ -154,7 +154,7 @@ Judgement judge(const std::uint8_t* bytes, std::size_t available) {
   if (available < 13) {
     return {FrameVerdict::kMore, 0};
   }
-  const auto size = static_cast<std::size_t>(length_of(bytes + 1) + 6);
+  const auto size = static_cast<std::size_t>(length_of(bytes + 1)) + 6;
   const FrameVerdict start = judge_start(bytes, size);
   if (start != FrameVerdict::kFrame) {
     return {start, 0};
