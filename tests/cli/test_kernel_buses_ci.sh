@@ -11,12 +11,15 @@ skip() {
   echo "*skipped*: $*"
   exit 77
 }
+PATH=$PATH:/usr/sbin:/sbin command -v ip >/dev/null || skip "no ip: apt-get install iproute2"
 [ -x "$program" ] || skip "$program has not been built"
 if [ -x "$built" ]; then
   kernel=$built
   # Everything but nothing is there: a skipped test would hide a broken guest.
   needed="edges_come a_trigger frames_go bus_off an_adapter"
 elif [ -n "$packaged" ]; then
+  command -v insmod >/dev/null || PATH=$PATH:/usr/sbin:/sbin command -v insmod >/dev/null ||
+    skip "no insmod for the packaged kernel's modules: apt-get install kmod"
   kernel=$packaged
   needed="frames_go bus_off"
   echo "GPIO: *skipped*: no kernel with lines (toolchain/user_mode_kernel.sh builds one)"
