@@ -64,6 +64,12 @@ struct FrameBytes {
   base::TimeUs t_arrival_us;  ///< arrival of its last byte
 };
 
+/// When the first bit of a frame left the sensor: the arrival of its last byte less its transmission at
+/// `byte_time_ns` a byte (0: not known, or part of the port's latency).
+[[nodiscard]] constexpr base::TimeUs sent_us(const FrameBytes& frame, std::int64_t byte_time_ns) {
+  return frame.t_arrival_us - static_cast<std::int64_t>(frame.size_bytes) * byte_time_ns / 1000;
+}
+
 /// Finds frames in a stream that may lose, repeat or change any byte. A start that turns out wrong
 /// costs one byte: the search goes on behind it over what is already there, so a damaged frame takes
 /// no intact one with it. A frame found late keeps the arrival time of its own bytes.

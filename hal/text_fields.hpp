@@ -25,7 +25,7 @@ struct TextFields {
 
   /// Field `index`; beyond the last an empty one.
   [[nodiscard]] constexpr TextField at(std::size_t index) const {
-    return index < count ? fields[index] : TextField{};
+    return index < count && index < kMaxFields ? fields[index] : TextField{};
   }
 };
 
@@ -103,6 +103,42 @@ template <std::size_t kMaxFields>
   return line;
 }
 
+enum class LineState : std::uint8_t {
+  kMore,    ///< a beginning
+  kWhole,   ///< ended by CR LF, LF, or CR and something else
+  kBroken,  ///< a byte that no text has, the start of another line inside, or too long
+};
+
+struct TextLine {
+  LineState state;
+  std::size_t text_bytes;  ///< kWhole: without the end
+  std::size_t size_bytes;  ///< kWhole: with the end
+};
+
+/// The line that begins at `bytes` with one of its own `start` characters (0: any, and it may come again).
+/// At most `max_bytes` without the end. The first `seen` bytes (at least 1) are known to be text of this
+/// line. O(available - seen).
+[[nodiscard]] constexpr TextLine find_line(const std::uint8_t* bytes, std::size_t available,
+                                           std::uint8_t start, std::size_t max_bytes,
+                                           std::size_t seen = 1) {
+  for (std::size_t i = seen; i < available; ++i) {
+    const std::uint8_t byte = bytes[i];
+    if (byte == '\n') {
+      return {LineState::kWhole, i, i + 1};
+    }
+    if (byte == '\r') {
+      if (i + 1 == available) {
+        return {LineState::kMore, 0, 0};
+      }
+      return {LineState::kWhole, i, bytes[i + 1] == '\n' ? i + 2 : i + 1};
+    }
+    if (byte < 0x20 || byte > 0x7E || byte == start || i >= max_bytes) {
+      return {LineState::kBroken, 0, 0};
+    }
+  }
+  return {LineState::kMore, 0, 0};
+}
+
 /// Magnitudes that parse_decimal() delivers stay below this.
 inline constexpr std::int64_t kDecimalLimit = 1'000'000'000'000'000'000;
 /// Most characters of a number, exponent included.
@@ -110,7 +146,7 @@ inline constexpr std::size_t kMaxDecimal_chars = 64;
 
 /// A number's digits: value = magnitude * 10^exponent.
 struct Decimal {
-  std::uint64_t magnitude = 0;  ///< at most 18 digits; what was behind them is cut off
+  std::uint64_t magnitude = 0;  ///< at most 19 digits; what was behind them is cut off
   std::int32_t exponent = 0;
   bool negative = false;
 };
@@ -134,7 +170,7 @@ struct Decimal {
       break;
     }
     digits = true;
-    if (decimal.magnitude < static_cast<std::uint64_t>(kDecimalLimit) / 10) {
+    if (decimal.magnitude < static_cast<std::uint64_t>(kDecimalLimit)) {
       decimal.magnitude = decimal.magnitude * 10 + static_cast<std::uint64_t>(c - '0');
       decimal.exponent -= point ? 1 : 0;
     } else {

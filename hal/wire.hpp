@@ -127,7 +127,7 @@ inline constexpr std::int64_t kMaxDoubleScale = 0xFFFFFFFF;
     }
   } else if (exponent >= -32) {
     const int shift = -exponent;
-    if (high >= (std::uint64_t{1} << (29 + shift))) {
+    if (high >= (std::uint64_t{1} << (30 + shift))) {
       return false;
     }
     magnitude = (high << (32 - shift)) + ((low + (std::uint64_t{1} << (shift - 1))) >> shift);
@@ -135,6 +135,9 @@ inline constexpr std::int64_t kMaxDoubleScale = 0xFFFFFFFF;
     // What `low` adds is below a unit of `high`: it cannot make a half.
     const int shift = -exponent - 32;
     magnitude = (high + (std::uint64_t{1} << (shift - 1))) >> shift;
+  }
+  if (magnitude >= kLimit) {
+    return false;
   }
   const auto value = static_cast<std::int64_t>(magnitude);
   out = (bits >> 63U) != 0 ? -value : value;

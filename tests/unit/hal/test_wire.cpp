@@ -105,3 +105,56 @@ TEST(floats_against_long_double) {
   }
   assert_true(taken > 100'000);
 }
+
+TEST(doubles_by_bits) {
+  const auto taken = [](double value, std::int64_t scale, std::int64_t& out) {
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &value, sizeof bits);
+    return f64_bits_to_integer(bits, scale, out);
+  };
+  std::int64_t value = 0;
+  assert_true(taken(48.123456789, 1'000'000'000, value));
+  assert_int_equal(value, 48'123'456'789);
+  assert_true(taken(-179.999999999, 1'000'000'000, value));
+  assert_int_equal(value, -179'999'999'999);
+  assert_true(taken(0.5, 1, value));
+  assert_int_equal(value, 1);
+  assert_true(taken(-0.4999999, 1, value));
+  assert_int_equal(value, 0);
+  assert_true(taken(0x1.0p61, 1, value));
+  assert_true(value == std::int64_t{1} << 61);
+  assert_true(taken(5e-324, 1, value));
+  assert_int_equal(value, 0);
+  value = 5;
+  assert_false(taken(0x1.0p62, 1, value));
+  assert_false(taken(1e300, 1, value));
+  assert_false(taken(std::numeric_limits<double>::quiet_NaN(), 1, value));
+  assert_false(taken(-std::numeric_limits<double>::infinity(), 1, value));
+  assert_false(taken(1.0, 0, value));
+  assert_false(taken(1.0, kMaxDoubleScale + 1, value));
+  assert_int_equal(value, 5);
+}
+
+TEST(doubles_against_long_double) {
+  leadline::test::Random random(9);
+  for (int i = 0; i < 20'000; ++i) {
+    // Every magnitude about the edges of the scaled range.
+    const double number =
+        std::ldexp(random.uniform() - 0.5, static_cast<int>(random.between(-70, 66)));
+    const std::int64_t scale = random.between(1, kMaxDoubleScale);
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &number, sizeof bits);
+    const long double expected = std::round(static_cast<long double>(number) * scale);
+    std::int64_t value = 0;
+    const bool taken = f64_bits_to_integer(bits, scale, value);
+    assert_int_equal(taken, std::fabs(expected) < 0x1.0p62L);
+    // long double has 64 bits: a product of 85 rounds before it is rounded to an integer.
+    assert_true(!taken || std::fabs(static_cast<long double>(value) - expected) <= 1);
+  }
+}
+
+TEST(signed_64_bits) {
+  assert_true(as_i64(0) == 0 && as_i64(UINT64_MAX) == -1);
+  assert_true(as_i64(0x8000000000000000U) == std::numeric_limits<std::int64_t>::min());
+  assert_true(as_i64(0x7FFFFFFFFFFFFFFFU) == std::numeric_limits<std::int64_t>::max());
+}
