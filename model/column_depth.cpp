@@ -16,6 +16,12 @@ constexpr std::int64_t kNarrowest_q8 = 768;
 constexpr std::int64_t kWidest_q8 = 16384;
 constexpr std::int64_t kSettled_q8 = 8;  // a move below 1/32 cell ends the iteration
 
+// Runs of a column that are looked at.
+constexpr int kRuns = 4;
+// No kernel is narrower than half a cell.
+constexpr std::int64_t kLeastSigma_q8 = 128;
+constexpr std::uint64_t kPassedFactor = 2;
+
 // S in Q8, unknown = 128.
 std::int32_t signal_q8(const Voxel& voxel) {
   const std::int32_t certainty = voxel.hit + voxel.miss;
@@ -34,7 +40,7 @@ ColumnDepth first_moment(const Voxel* voxels, std::int32_t depth_cells, std::uin
     }
   }
   return ColumnDepth{sum == 0 ? kUnknownDepth : static_cast<std::int32_t>(moment / sum), mass,
-                     false};
+                     false, 0};
 }
 
 ColumnDepth upper_crossing(const Voxel* voxels, std::int32_t depth_cells, std::uint32_t mass) {
@@ -44,11 +50,106 @@ ColumnDepth upper_crossing(const Voxel* voxels, std::int32_t depth_cells, std::u
     const std::int32_t s = signal_q8(voxels[k]);
     if (s > kHalf_q8) {
       const std::int32_t back = before < kHalf_q8 ? 256 * (s - kHalf_q8) / (s - before) : 0;
-      return ColumnDepth{256 * k + 128 - back, mass, false};
+      return ColumnDepth{256 * k + 128 - back, mass, false, 0};
     }
     before = s;
   }
-  return ColumnDepth{kUnknownDepth, mass, false};
+  return ColumnDepth{kUnknownDepth, mass, false, 0};
+}
+
+// Where evidence stands together in a column.
+struct Run {
+  std::int32_t top, bottom, peak_k;
+  std::int64_t sum;      // of evidence
+  std::int64_t mean_q8;  // from the middle of voxel peak_k
+  std::int64_t sigma_q8;
+};
+
+// The run around the highest of what is left in `smoothed`.
+Run find_run(const std::uint16_t* hits, const std::uint16_t* smoothed, std::int32_t depth_cells,
+             std::uint32_t peak) {
+  Run run{};
+  while (smoothed[run.peak_k] != peak) {
+    ++run.peak_k;
+  }
+  const std::uint32_t floor = peak / 10;
+  run.top = run.peak_k;
+  run.bottom = run.peak_k;
+  while (run.top > 0 && smoothed[run.top - 1] > floor) {
+    --run.top;
+  }
+  while (run.bottom < depth_cells - 1 && smoothed[run.bottom + 1] > floor) {
+    ++run.bottom;
+  }
+  std::int64_t moment1 = 0;
+  std::int64_t moment2 = 0;
+  for (std::int32_t k = run.top; k <= run.bottom; ++k) {
+    const std::int32_t offset = k - run.peak_k;
+    const std::int64_t weighted = static_cast<std::int64_t>(hits[k]) * offset;
+    run.sum += hits[k];
+    moment1 += weighted;
+    moment2 += weighted * offset;
+  }
+  if (run.sum == 0) {
+    return run;
+  }
+  run.mean_q8 = moment1 * 256 / run.sum;
+  const std::int64_t variance_q16 =
+      max_of<std::int64_t>(0, moment2 * 65536 / run.sum - run.mean_q8 * run.mean_q8);
+  run.sigma_q8 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16));
+  return run;
+}
+
+// How credible a run is among those of its column: evidence x width x hit / (hit + 2 miss). Evidence adds
+// up precision, and a near false echo is precise; times the width it stands for pings. What went through a
+// run speaks against it. Below 2^56.
+std::uint64_t credibility(const Run& run, const Voxel* voxels, const std::uint16_t* hits) {
+  std::uint64_t hit = 0;  // means over the run, weighted by evidence; below 2^42
+  std::uint64_t miss = 0;
+  for (std::int32_t k = run.top; k <= run.bottom; ++k) {
+    hit += static_cast<std::uint64_t>(hits[k]) * hits[k];
+    miss += static_cast<std::uint64_t>(hits[k]) * voxels[k].miss;
+  }
+  const std::uint64_t share_q12 =
+      (hit << 12U) / max_of<std::uint64_t>(hit + kPassedFactor * miss, 1);
+  const auto stands_for =
+      static_cast<std::uint64_t>(run.sum * max_of(run.sigma_q8, kLeastSigma_q8)) >> 4U;
+  return stands_for * share_q12;
+}
+
+struct Choice {
+  Run best;
+  bool rivalled;  // a second run, apart from it, a quarter as credible
+};
+
+// Clears the runs that it has seen in `smoothed`.
+Choice choose_run(const Voxel* voxels, const std::uint16_t* hits, std::uint16_t* smoothed,
+                  std::int32_t depth_cells, std::uint32_t peak) {
+  Run runs[kRuns] = {};
+  std::uint64_t scores[kRuns] = {};
+  int count = 0;
+  int best = 0;
+  for (; count < kRuns && peak != 0; ++count) {
+    runs[count] = find_run(hits, smoothed, depth_cells, peak);
+    const Run& run = runs[count];
+    for (std::int32_t k = run.top; k <= run.bottom; ++k) {
+      smoothed[k] = 0;
+    }
+    peak = 0;
+    for (std::int32_t k = 0; k < depth_cells; ++k) {
+      peak = max_of<std::uint32_t>(peak, smoothed[k]);
+    }
+    // Most columns have one run: nothing to weigh.
+    scores[count] = count == 0 && peak == 0 ? 1 : credibility(run, voxels, hits);
+    best = scores[count] > scores[best] ? count : best;
+  }
+  Choice choice{runs[best], false};
+  for (int i = 0; i < count; ++i) {
+    const bool apart =
+        runs[i].peak_k < choice.best.top - 2 || runs[i].peak_k > choice.best.bottom + 2;
+    choice.rivalled = choice.rivalled || (apart && 4 * scores[i] > scores[best]);
+  }
+  return choice;
 }
 
 }  // namespace
@@ -62,7 +163,7 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
   const std::uint32_t mass = profile.mass;
   const std::uint32_t peak = profile.peak;
   if (mass == 0) {
-    return ColumnDepth{kUnknownDepth, 0, false};
+    return ColumnDepth{kUnknownDepth, 0, false, 0};
   }
   if (method == DepthMethod::kFirstMoment) {
     return first_moment(voxels, depth_cells, mass);
@@ -71,40 +172,15 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
     return upper_crossing(voxels, depth_cells, mass);
   }
 
-  std::int32_t peak_k = 0;
-  while (smoothed[peak_k] != peak) {
-    ++peak_k;
+  const Choice choice = choose_run(voxels, hits, smoothed, depth_cells, peak);
+  const Run& run = choice.best;
+  if (run.sum == 0) {
+    return ColumnDepth{kUnknownDepth, mass, false, 0};
   }
-  const std::uint32_t floor = peak / 10;
-  std::int32_t top = peak_k;
-  std::int32_t bottom = peak_k;
-  while (top > 0 && smoothed[top - 1] > floor) {
-    --top;
-  }
-  while (bottom < depth_cells - 1 && smoothed[bottom + 1] > floor) {
-    ++bottom;
-  }
-  std::uint64_t sum = 0;
-  std::int64_t moment1 = 0;
-  std::int64_t moment2 = 0;
-  for (std::int32_t k = top; k <= bottom; ++k) {
-    const std::int32_t offset = k - peak_k;
-    const std::int64_t weighted = static_cast<std::int64_t>(hits[k]) * offset;
-    sum += hits[k];
-    moment1 += weighted;
-    moment2 += weighted * offset;
-  }
-  if (sum == 0) {
-    return ColumnDepth{kUnknownDepth, mass, false};
-  }
-  const auto total = static_cast<std::int64_t>(sum);
-  const std::int64_t mean_q8 = moment1 * 256 / total;
-  const std::int64_t variance_q16 =
-      max_of<std::int64_t>(0, moment2 * 65536 / total - mean_q8 * mean_q8);
-  const std::int64_t sigma_q8 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16));
-  const std::int64_t wide_q8 = clamp<std::int64_t>((sigma_q8 * 7) >> 1, kNarrowest_q8, kWidest_q8);
+  const std::int64_t wide_q8 =
+      clamp<std::int64_t>((run.sigma_q8 * 7) >> 1, kNarrowest_q8, kWidest_q8);
 
-  std::int64_t estimate_q8 = 256 * peak_k + 128 + mean_q8;
+  std::int64_t estimate_q8 = 256 * static_cast<std::int64_t>(run.peak_k) + 128 + run.mean_q8;
   const std::int64_t bottom_q8 = 256 * static_cast<std::int64_t>(depth_cells);
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     const std::int64_t window_q8 =
@@ -134,14 +210,11 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
     }
   }
 
-  std::uint32_t second = 0;
-  for (std::int32_t k = 0; k < top - 2; ++k) {
-    second = max_of<std::uint32_t>(second, smoothed[k]);
-  }
-  for (std::int32_t k = bottom + 3; k < depth_cells; ++k) {
-    second = max_of<std::uint32_t>(second, smoothed[k]);
-  }
-  return ColumnDepth{static_cast<std::int32_t>(estimate_q8), mass, 4 * second > peak};
+  const std::int64_t variance_q16 =
+      max_of(run.sigma_q8, kLeastSigma_q8) * max_of(run.sigma_q8, kLeastSigma_q8);
+  const auto support_q4 =
+      static_cast<std::uint32_t>(min_of<std::int64_t>((run.sum * variance_q16) >> 12, UINT32_MAX));
+  return ColumnDepth{static_cast<std::int32_t>(estimate_q8), mass, choice.rivalled, support_q4};
 }
 
 bool rescale_column(Voxel* voxels, std::int32_t depth_cells) {

@@ -5,8 +5,6 @@
 namespace leadline::model {
 namespace {
 
-// A voxel that was seen empty this many times more often than occupied is no surface.
-constexpr std::uint32_t kVetoRatio = 4;
 // Smoothing multiplies by at most 9: evidence is brought below 2^11 to stay within 15 bits.
 constexpr int kSmoothBits = 11;
 
@@ -30,8 +28,8 @@ ProfileSummary gather_profile_scalar(const Voxel* voxels, std::int32_t depth_cel
   for (std::int32_t k = 0; k < depth_cells; ++k) {
     const std::uint32_t hit = voxels[k].hit;
     const std::uint32_t miss = voxels[k].miss;
-    const std::uint32_t value =
-        reads_hits(rule) ? (miss > kVetoRatio * hit ? 0U : hit) : (miss > hit ? 0U : hit - miss);
+    // What speaks more against a surface than for it is none.
+    const std::uint32_t value = miss > hit ? 0U : (reads_hits(rule) ? hit : hit - miss);
     evidence[k] = static_cast<std::uint16_t>(value);
     out.mass += value;
     largest = base::max_of(largest, value);
@@ -170,9 +168,7 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
     const __m128i miss = high_halves(a, b);
     __m128i value;
     if (hits_only) {
-      const __m128i twice = _mm_adds_epu16(hit, hit);
-      const __m128i over = _mm_subs_epu16(miss, _mm_adds_epu16(twice, twice));
-      value = _mm_and_si128(hit, _mm_cmpeq_epi16(over, zero));
+      value = _mm_and_si128(hit, _mm_cmpeq_epi16(_mm_subs_epu16(miss, hit), zero));
     } else {
       value = _mm_subs_epu16(hit, miss);
     }

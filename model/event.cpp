@@ -367,11 +367,12 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   const std::int64_t slope_q12 = first.slope_q20 >> 8;
   const std::int64_t pointing_vertical_q12 =
       mul_shift(mul_shift(pointing_q12, slope_q12 * slope_q12, 24), secant2_q24, 24);
+  const std::int64_t growing_q12 =
+      pointing_vertical_q12 + (scaled_q12(table.beam_variance_along_q30) >> 3);
   const std::int64_t variance_q12 =
       mul_shift(range_sigma_q12, range_sigma_q12, 12) + sighting.position_variance_q12[2] +
       mul_shift(gn * gn, sighting.position_variance_q12[0], 24) +
-      mul_shift(ge * ge, sighting.position_variance_q12[1], 24) + pointing_vertical_q12 +
-      (scaled_q12(table.beam_variance_along_q30) >> 3) + kFloorVariance_q12;
+      mul_shift(ge * ge, sighting.position_variance_q12[1], 24) + growing_q12 + kFloorVariance_q12;
 
   // Lateral covariance in the beam's footprint axes, written as forms of the horizontal offset.
   const auto form = [gn, ge](const Direction& d, std::int64_t& n_q14, std::int64_t& e_q14) {
@@ -401,8 +402,38 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   event.profile_class = profile_class(scaled_q12(patch_along_q30), c11);
   event.blur_q8 = saturate_q8((c11 + c22) / 2 + position_n_q12 + position_e_q12);
   place(event, scale, lateral, centre_n, centre_e, centre_depth_q16, gn * 16, ge * 16);
+  event.growth_q24 =
+      static_cast<std::uint32_t>(min_of<std::int64_t>((growing_q12 << 24) / variance_q12, 1 << 24));
   event.empty_range_q10 = static_cast<std::int32_t>(range >> 6);
   return event;
+}
+
+std::uint32_t peak_gain_q8(std::uint32_t growth_q24, std::uint32_t share_q16) {
+  // m^-1.5 at m = 1 + i / 32, Q15.
+  static constexpr std::uint16_t kPower_q15[33] = {
+      32768, 31290, 29920, 28647, 27461, 26356, 25322, 24354, 23447, 22594, 21792,
+      21036, 20323, 19650, 19012, 18409, 17837, 17293, 16777, 16286, 15819, 15373,
+      14948, 14542, 14154, 13784, 13429, 13089, 12763, 12450, 12150, 11862, 11585};
+  constexpr std::uint32_t kRootTwo_q15 = 46341;
+  constexpr std::uint32_t kMostHalvings = 8;  // 2^(1.5 * 8) = 4096
+  const std::uint64_t share = min_of<std::uint32_t>(share_q16, 65536);
+  const auto square_q24 = static_cast<std::uint32_t>((share * share) >> 8U);
+  const auto kept_q24 = static_cast<std::uint32_t>(
+      (static_cast<std::uint64_t>(growth_q24) * ((1U << 24U) - square_q24)) >> 24U);
+  const std::uint32_t v_q24 = max_of<std::uint32_t>((1U << 24U) - kept_q24, 1);
+  // v = m 2^-halvings with 1 <= m < 2.
+  const auto halvings = static_cast<std::uint32_t>(base::leading_zeros(v_q24)) - 7U;
+  if (halvings > kMostHalvings) {
+    return 4096U << 8U;
+  }
+  const std::uint32_t over_q24 = (v_q24 << halvings) - (1U << 24U);
+  const std::uint32_t index = over_q24 >> 19U;
+  const std::uint32_t fraction_q19 = over_q24 & ((1U << 19U) - 1U);
+  const std::uint32_t step = kPower_q15[index] - kPower_q15[min_of<std::uint32_t>(index + 1, 32)];
+  const std::uint32_t power_q15 = kPower_q15[index] - ((step * fraction_q19) >> 19U);
+  const std::uint32_t odd_q15 =
+      (halvings & 1U) != 0 ? (power_q15 * kRootTwo_q15) >> 15U : power_q15;
+  return (odd_q15 << ((3U * halvings) >> 1U)) >> 7U;
 }
 
 std::int32_t cone_growth_q20(std::int32_t tan_q20, std::int32_t range_q10) {

@@ -25,6 +25,13 @@ constexpr std::int64_t kRoughnessLeast_q16 = 328;    // 0.005
 constexpr std::int64_t kRoughnessMost_q16 = 655360;  // 10
 constexpr std::int64_t kRoughnessGain = 4;
 
+// Noise of a column's depth at most, 1024 cells^2.
+constexpr std::int64_t kMostNoise_q16 = 1 << 26;
+// A neighbourhood's depths spread at least this much (median from the median): 3/4 cell.
+constexpr std::int32_t kLeastSpread_q8 = 192;
+// A depth that fewer pings than this stand for may be a false echo.
+constexpr std::int64_t kLonePings = 2;
+
 // Variance budget of a depth, Q8 factors (DESIGN.md "Sigma").
 constexpr std::int64_t kNoiseFactor_q8 = 387;
 constexpr std::int64_t kBlurFactor_q8 = 264;
@@ -91,6 +98,53 @@ std::int32_t evidence_end(const Voxel* voxels, std::int32_t depth_cells) {
   return end;
 }
 
+// A column of the smoothing window: place and depth relative to the middle one, noise of its depth.
+struct Neighbour {
+  std::int32_t n, e, z_q8, distance4;
+  std::int64_t noise_q16;  // cells^2
+  bool lone;               // kColumnLone
+};
+
+std::int32_t distance(std::int32_t a, std::int32_t b) { return a < b ? b - a : a - b; }
+
+// By insertion: O(count^2), count <= kWindow.
+std::int32_t median(const std::int32_t* values, int count) {
+  std::int32_t sorted[kWindow];
+  for (int i = 0; i < count; ++i) {
+    int at = i;
+    for (; at > 0 && sorted[at - 1] > values[i]; --at) {
+      sorted[at] = sorted[at - 1];
+    }
+    sorted[at] = values[i];
+  }
+  return sorted[count / 2];
+}
+
+// What one ping alone says far from what the neighbourhood says is taken for noise as large as that
+// distance: a false echo where few pings passed. What two pings say stands.
+void discount_lone(Neighbour* window, int count) {
+  constexpr int kLeastColumns = 8;
+  if (count < kLeastColumns) {
+    return;
+  }
+  std::int32_t values[kWindow];
+  for (int i = 0; i < count; ++i) {
+    values[i] = window[i].z_q8;
+  }
+  const std::int32_t middle_q8 = median(values, count);
+  for (int i = 0; i < count; ++i) {
+    values[i] = distance(window[i].z_q8, middle_q8);
+  }
+  const std::int32_t limit_q8 = 4 * max_of(median(values, count), kLeastSpread_q8);
+  for (int i = 0; i < count; ++i) {
+    const std::int64_t off_q8 = distance(window[i].z_q8, middle_q8);
+    if (window[i].lone && off_q8 > limit_q8) {
+      window[i].noise_q16 =
+          min_of<std::int64_t>(window[i].noise_q16 + 4 * off_q8 * off_q8, kMostNoise_q16);
+    }
+  }
+}
+
 }  // namespace
 
 // Rectangle of tiles, all bounds inclusive.
@@ -111,14 +165,18 @@ bool Model::read_column(std::uint32_t column, DepthMethod method) {
   ColumnRecord& record = grid_.column(column);
   ColumnResult& result = results_[column];
   const ColumnDepth found = depth_of(column, method);
+  // One ping of variance v adds 255 min_variance / v units, and v to the width; kernels end at 1/4 cell^2.
+  const std::int64_t lone_q4 =
+      kLonePings * 255 * max_of<std::int64_t>(scale_.min_variance_q12, 1024) >> 8;
+  const bool lone = found.support_q4 < lone_q4;
   const bool changed = found.depth_q8 != result.raw_q8 || found.mass != result.mass ||
+                       lone != ((record.flags & kColumnLone) != 0) ||
                        found.depth_q8 == kUnknownDepth;
   result.raw_q8 = found.depth_q8;
   result.mass = found.mass;
-  record.flags =
-      static_cast<std::uint8_t>(found.multi_surface ? record.flags | kColumnMultiSurface
-                                                    : record.flags & ~kColumnMultiSurface);
-  record.flags = static_cast<std::uint8_t>(record.flags & ~kColumnDirty);
+  const int kept = record.flags & ~(kColumnMultiSurface | kColumnLone | kColumnDirty);
+  record.flags = static_cast<std::uint8_t>(kept | (found.multi_surface ? kColumnMultiSurface : 0) |
+                                           (lone ? kColumnLone : 0));
   return changed;
 }
 
@@ -182,33 +240,37 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
   if (voteless && lit == 0) {
     return;
   }
-  // Neighbours, their noise (Q16 cells^2) and depth relative to the column's own.
-  struct Neighbour {
-    std::int32_t n, e, z_q8, distance4;
-    std::int64_t noise_q16;
-  };
   Neighbour window[kWindow];
   int count = 0;
+  bool any_lone = false;
   std::int32_t reference_q8 = own.raw_q8;
   const std::int64_t unit_q16 = (255 * scale_.min_variance_q12) << 4;
   for (std::int32_t i = max_of(-kReach, -n); i <= min_of(kReach, scale_.size[0] - 1 - n); ++i) {
     for (std::int32_t j = max_of(-kReach, -e); j <= min_of(kReach, scale_.size[1] - 1 - e); ++j) {
-      const ColumnResult& other = results_[grid_.column_index(n + i, e + j)];
+      const std::uint32_t index = grid_.column_index(n + i, e + j);
+      const ColumnResult& other = results_[index];
       if (other.raw_q8 == kUnknownDepth) {
         continue;
       }
       // A column that a beam has lit without a vote of its own speaks through its neighbours.
       reference_q8 = reference_q8 == kUnknownDepth ? other.raw_q8 : reference_q8;
       const std::int32_t distance2 = i * i + j * j;
-      window[count] =
-          Neighbour{i, j, clamp(other.raw_q8 - reference_q8, -32768, 32767), distance2 * distance2,
-                    clamp<std::int64_t>(unit_q16 / other.mass, 1, 1 << 26)};
+      window[count] = Neighbour{i,
+                                j,
+                                clamp(other.raw_q8 - reference_q8, -32768, 32767),
+                                distance2 * distance2,
+                                clamp<std::int64_t>(unit_q16 / other.mass, 1, kMostNoise_q16),
+                                (grid_.column(index).flags & kColumnLone) != 0};
+      any_lone = any_lone || window[count].lone;
       ++count;
     }
   }
   constexpr int kLeastNeighbours = 3;
   if (voteless && (count < kLeastNeighbours || reference_q8 - 256 * lit > kLitReach_q8)) {
     return;
+  }
+  if (any_lone) {
+    discount_lone(window, count);
   }
   std::int64_t roughness_q16 = kRoughnessStart_q16;
   for (int pass = 0;; ++pass) {

@@ -27,6 +27,7 @@ enum ColumnFlags : std::uint8_t {
   kColumnTouched = 1U << 0U,       ///< some event wrote into the column
   kColumnMultiSurface = 1U << 1U,  ///< a second, separate surface stands in the column
   kColumnDirty = 1U << 2U,         ///< touched since the last extraction of results
+  kColumnLone = 1U << 3U,          ///< its depth rests on fewer than two pings
 };
 
 /// Side record of one column, outside the voxels: derived or auxiliary, never the source of a depth.

@@ -12,9 +12,12 @@ using base::min_of;
 using base::mul_shift;
 using base::ratio;
 
-// Strength of the empty evidence of one ping beside the peak of its shell: 1/2. A voxel is a surface
-// when it was hit more than half as often as it was looked through.
+// Strength of the empty evidence of one ping beside the peak that its shell would have had in the same
+// voxel: 1/2. A voxel is a surface when it was hit more than half as often as it was looked through.
 constexpr int kEmptyShift = 1;
+// Of a ping that heard nothing: an eighth of the best ping's weight, all along.
+constexpr std::uint32_t kNoReturn_q14 = (255 * 16) << 7U;
+constexpr std::uint32_t kMostEmpty_q7 = kMaxWeight_q7 >> kEmptyShift;
 // Separates the dither sequences of columns (odd, so that it is a permutation).
 constexpr std::uint32_t kColumnDither = 0x85EBCA6BU;
 // A column is looked at for voxels to rescale (kRescaleAbove) each time it has received this much
@@ -223,6 +226,27 @@ std::int32_t frustum_weight_q15(const Frustum& frustum, const LocalizationTable&
   return static_cast<std::int32_t>((static_cast<std::uint32_t>(table.beam_weight_q15[0][entry_a]) *
                                     table.beam_weight_q15[1][entry_b]) >>
                                    15U);
+}
+
+// Empty evidence along a cone. A ping that passes a voxel speaks against it as much as it would have spoken
+// for it had it ended there: near echoes are precise and weigh much, so what passes near weighs as much.
+// Otherwise a short false echo outvotes every wide echo that went through it.
+struct Emptiness {
+  std::uint32_t end_q14;  // strength at the far end
+  std::uint32_t growth_q24;
+  std::uint64_t inverse_range_q36;
+};
+
+Emptiness make_emptiness(std::uint32_t end_q14, std::uint32_t growth_q24, std::int32_t range_q10) {
+  return Emptiness{end_q14, growth_q24, (1ULL << 36U) / static_cast<std::uint32_t>(range_q10)};
+}
+
+std::uint32_t empty_strength_q7(const Emptiness& empty, std::int64_t slant_q10) {
+  const auto share_q16 = static_cast<std::uint32_t>(min_of<std::uint64_t>(
+      (static_cast<std::uint64_t>(slant_q10) * empty.inverse_range_q36) >> 20U, 65536U));
+  const std::uint64_t strength_q22 =
+      static_cast<std::uint64_t>(empty.end_q14) * peak_gain_q8(empty.growth_q24, share_q16);
+  return static_cast<std::uint32_t>(min_of<std::uint64_t>(strength_q22 >> 15U, kMostEmpty_q7));
 }
 
 // Empty evidence of strength `strength_q7` at distance/64 of the maximum range.
@@ -646,10 +670,12 @@ inline void Model::add_empty(Voxel* voxels, std::int32_t count, std::uint32_t fi
 }
 
 void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
-                  std::int32_t range_q10, std::uint32_t weight_q7) {
+                  std::int32_t range_q10, std::uint32_t end_q14) {
   if (range_q10 <= 0) {
     return;
   }
+  const Emptiness empty =
+      make_emptiness(end_q14, shell != nullptr ? shell->growth_q24 : 0, range_q10);
   const Frustum frustum = make_frustum(sensor_->scale, sensor_->table, frame, sighting, range_q10);
   const std::uint32_t seed = base::mix_u32(ping_number_ ^ 0x5BD1E995U);
   const bool plane = shell != nullptr && !shell->wall;
@@ -693,7 +719,8 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
         }
         const std::uint32_t distance =
             range_entry(sensor_->scale, static_cast<std::int32_t>(slant));
-        const std::uint32_t strength_q7 = (weight_q7 * static_cast<std::uint32_t>(beam_q15)) >> 15U;
+        const std::uint32_t strength_q7 =
+            (empty_strength_q7(empty, slant) * static_cast<std::uint32_t>(beam_q15)) >> 15U;
         add_empty(voxels + k, static_cast<std::int32_t>(count), static_cast<std::uint32_t>(k),
                   strength_q7, distance, dither);
         voxels_this_ping_ += static_cast<std::uint32_t>(count);
@@ -722,18 +749,18 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
   if (empty) {
     const std::int64_t range_q16 =
         mul_shift(sensor_->config.detect_range_um, sensor_->scale.inverse_cell_q46, 30);
-    carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), 255 * 16);
+    carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), kNoReturn_q14);
   } else {
     prefetch_columns(frame, sighting);
     const Slope slope = estimate_slope(frame, sighting);
     const ShellEvent event = make_shell(sensor_->scale, sensor_->table, frame, sighting, slope);
     const auto now_ds = static_cast<std::uint32_t>(ping.t_transmit_us / 100'000);
     add_shell_event(event, now_ds);
-    // The empty evidence of one ping is a fixed part of its shell's peak.
+    // At its far end the empty evidence is a fixed part of the shell's peak.
     const std::uint32_t peak_q15 = static_cast<std::uint32_t>(
         sensor_->table.kernel_q15[event.level][kKernelPhases / 2][kKernelCentre]);
     carve(frame, sighting, &event, event.empty_range_q10,
-          ((event.weight_q7 * peak_q15) >> 15U) >> kEmptyShift);
+          (event.weight_q7 * peak_q15) >> (8U + kEmptyShift));
   }
   counters_.voxel_updates += voxels_this_ping_;
   counters_.last_voxels_per_ping = voxels_this_ping_;

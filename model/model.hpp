@@ -170,7 +170,7 @@ class Model {
   void add_empty(Voxel* voxels, std::int32_t count, std::uint32_t first, std::uint32_t strength_q7,
                  std::uint32_t distance, std::uint32_t dither) const;
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
-             std::int32_t range_q10, std::uint32_t weight_q7);
+             std::int32_t range_q10, std::uint32_t end_q14);
   struct TileSpan;
   [[nodiscard]] TileSpan tiles_around(TileId tile, std::int32_t reach) const;
   [[nodiscard]] bool read_column(std::uint32_t column, DepthMethod method);

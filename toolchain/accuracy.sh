@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Maps the scenes with known truth, compares with the baselines and prints the tables of model/README.md.
 #
-# usage: toolchain/accuracy.sh [--scenes DIR] [--out DIR] [--no-build] [--rules] [NAME...]
+# usage: toolchain/accuracy.sh [--scenes DIR] [--out DIR] [--no-build] [--rules | --outliers] [NAME...]
 #   --scenes DIR   folder of scenes (default: $LEADLINE_DATA/scenes, or ../shared/data/scenes); each is a
 #                  folder with pings.csv, map.toml, truth.asc and touched.asc
 #   --out DIR      where maps, grids and accuracy.json go (default out/accuracy)
 #   --no-build     take build/release as it is
 #   --rules        instead: each combining rule on each scene
+#   --outliers     only the table of short false echoes (which a run over all scenes ends with)
 #   NAME...        only these scenes (default: all)
 #
 # One parameter set for all scenes: only what each map.toml states differs. Exit code 0: every bound
@@ -24,7 +25,7 @@ while [ $# -gt 0 ]; do
       shift
       ;;
     --no-build) build=0 ;;
-    --rules) arguments+=(--rules) ;;
+    --rules | --outliers) arguments+=("$1") ;;
     -h | --help)
       print_help
       exit 0

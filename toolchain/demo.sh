@@ -24,13 +24,14 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 out="$root/out/demo"
-mission=()
+# One echo in a hundred is of something short of the ground: fish, or a second path.
+mission=(--set outlier_fraction=0.01)
 while [ $# -gt 0 ]; do
   case $1 in
     --terrain)
       [ $# -ge 2 ] || usage_error "--terrain wants a file"
       [ -r "$2" ] || usage_error "cannot read $2"
-      mission=(--terrain "$(realpath "$2")")
+      mission+=(--terrain "$(realpath "$2")")
       shift
       ;;
     --out)

@@ -122,6 +122,7 @@ struct Oracle::Shell {
   int profile_class = 0;
   double weight = 0.0;        // units
   double weight_slack = 0.0;  // share of it that rounding of variances may move
+  double growth = 0.0;        // part of the variance that goes with the square of the range
   double empty_range = 0.0;
 
   [[nodiscard]] double variance() const { return 0.25 * std::pow(2.0, level / 4.0); }
@@ -172,47 +173,72 @@ Oracle::ColumnDepth Oracle::column_depth(int n, int e) const {
   for (int k = 0; k < depth; ++k) {
     const double for_it = hits_[voxel(n, e, k)];
     const double against = misses_[voxel(n, e, k)];
-    at(k) = config_.rule == Rule::kLogOdds ? (against > 4.0 * for_it ? 0.0 : for_it)
-                                           : std::max(0.0, for_it - against);
+    at(k) = against > for_it ? 0.0 : config_.rule == Rule::kLogOdds ? for_it : for_it - against;
     mass += at(k);
   }
   const auto smooth = [&at](int k) {
     return at(k - 2) + 2 * at(k - 1) + 3 * at(k) + 2 * at(k + 1) + at(k + 2);
   };
-  double peak = 0.0;
-  int peak_k = 0;
-  for (int k = 0; k < depth; ++k) {
-    if (smooth(k) > peak) {
-      peak = smooth(k);
-      peak_k = k;
-    }
-  }
   // Under half a unit of evidence the integers have none.
   if (mass < 0.5) {
-    return {false, 0.0, 0.0};
+    return {false, 0.0, 0.0, false};
   }
-  int top = peak_k;
-  int bottom = peak_k;
-  while (top > 0 && smooth(top - 1) > peak / 10.0) {
-    --top;
-  }
-  while (bottom < depth - 1 && smooth(bottom + 1) > peak / 10.0) {
-    ++bottom;
-  }
+  // Four runs at most, by height; the most credible counts.
+  std::vector<bool> seen(static_cast<std::size_t>(depth), false);
+  const auto free = [&seen](int k) { return !seen[static_cast<std::size_t>(k)]; };
+  double best_score = 0.0;
   double sum = 0.0;
   double mean = 0.0;
-  for (int k = top; k <= bottom; ++k) {
-    sum += at(k);
-    mean += at(k) * (k + 0.5);
+  double variance = 0.0;
+  for (int run = 0; run < 4; ++run) {
+    double peak = 0.0;
+    int peak_k = 0;
+    for (int k = 0; k < depth; ++k) {
+      if (free(k) && smooth(k) > peak) {
+        peak = smooth(k);
+        peak_k = k;
+      }
+    }
+    int top = peak_k;
+    int bottom = peak_k;
+    while (top > 0 && free(top - 1) && smooth(top - 1) > peak / 10.0) {
+      --top;
+    }
+    while (bottom < depth - 1 && free(bottom + 1) && smooth(bottom + 1) > peak / 10.0) {
+      ++bottom;
+    }
+    double run_sum = 0.0;
+    double run_mean = 0.0;
+    double hit = 0.0;
+    double miss = 0.0;
+    for (int k = top; k <= bottom; ++k) {
+      seen[static_cast<std::size_t>(k)] = true;
+      run_sum += at(k);
+      run_mean += at(k) * (k + 0.5);
+      hit += square(at(k));
+      miss += at(k) * misses_[voxel(n, e, k)];
+    }
+    if (run_sum <= 0.0) {
+      break;
+    }
+    run_mean /= run_sum;
+    double run_variance = 0.0;
+    for (int k = top; k <= bottom; ++k) {
+      run_variance += at(k) * square(k + 0.5 - run_mean) / run_sum;
+    }
+    const double score =
+        run_sum * std::max(0.5, std::sqrt(run_variance)) * hit / (hit + 2.0 * miss);
+    if (score > best_score) {
+      best_score = score;
+      sum = run_sum;
+      mean = run_mean;
+      variance = run_variance;
+    }
   }
   if (sum <= 0.0) {
-    return {false, 0.0, mass};
+    return {false, 0.0, mass, false};
   }
-  mean /= sum;
-  double variance = 0.0;
-  for (int k = top; k <= bottom; ++k) {
-    variance += at(k) * square(k + 0.5 - mean) / sum;
-  }
+  const bool lone = sum * std::max(0.25, variance) < 2.0 * kUnits * std::max(0.25, min_variance_);
   const double wide = std::clamp(3.5 * std::sqrt(variance), 3.0, 64.0);
   double estimate = mean;
   for (int iteration = 0; iteration < 4; ++iteration) {
@@ -233,7 +259,7 @@ Oracle::ColumnDepth Oracle::column_depth(int n, int e) const {
       break;
     }
   }
-  return {true, estimate, mass};
+  return {true, estimate, mass, lone};
 }
 
 void Oracle::rescale(int n, int e) {
@@ -421,9 +447,10 @@ Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range
         from[2] + range * vertical + gn * (out.centre_n - from[0]) + ge * (out.centre_e - from[1]);
     out.slope_n = gn;
     out.slope_e = ge;
+    const double growing = pointing * square(first.slope * secant) + beam_along / 8.0;
     level_variance = square(sigma_range_ * vertical) + variance[2] + square(gn) * variance[0] +
-                     square(ge) * variance[1] + pointing * square(first.slope * secant) +
-                     beam_along / 8.0 + kFloorVariance;
+                     square(ge) * variance[1] + growing + kFloorVariance;
+    out.growth = growing / level_variance;
     out.weight = kUnits * std::min(1.0, min_variance_ / level_variance);
     out.weight_slack = kVarianceSlack / level_variance;
     b1n = frame.along[0] + gn * frame.along[2];
@@ -567,7 +594,6 @@ void Oracle::add_shell(const Shell& shell, double range) {
 
 void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, double range,
                    double strength) {
-  const double slack = 2e-3 + (shell == nullptr ? 0.0 : shell->weight_slack);
   if (range <= 0.0) {
     return;
   }
@@ -635,7 +661,12 @@ void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, d
     struct Both {
       Weight hit, miss;
     };
-    const double s = strength;
+    // As much as the ping would have said for a surface here.
+    const double passed = square(std::min(1.0, slant / range));
+    const double apart = shell == nullptr ? 1.0 : 1.0 - shell->growth * (1.0 - passed);
+    const double s = std::min(0.5 * kUnits, strength * std::pow(apart, -1.5));
+    // Rounding of variances tells more where little of them is left.
+    const double slack = 3e-3 + (shell == nullptr ? 0.0 : 2.5 * shell->weight_slack / apart);
     if (config_.rule == Rule::kLogOdds) {
       return Both{{0.0, 0.0},
                   {s * beam.value * trust.value,
@@ -804,6 +835,7 @@ std::vector<double> Oracle::extract() const {
       }
       struct Neighbour {
         double n, e, z, d4, noise;
+        bool lone;
       };
       std::vector<Neighbour> window;
       for (int i = -3; i <= 3; ++i) {
@@ -816,13 +848,32 @@ std::vector<double> Oracle::extract() const {
             const double d2 = i * i + j * j;
             window.push_back(
                 {static_cast<double>(i), static_cast<double>(j), other.depth, d2 * d2,
-                 std::clamp(kUnits * min_variance_ / other.mass, 1.0 / 65536.0, 1024.0)});
+                 std::clamp(kUnits * min_variance_ / other.mass, 1.0 / 65536.0, 1024.0),
+                 other.lone});
           }
         }
       }
       if (!own.known && (window.size() < 3 ||
                          window.front().z - lit[column(n, e)] > model::kKernelCentre + 2.0)) {
         continue;
+      }
+      // What one ping alone says far from the neighbourhood's median counts for little.
+      if (window.size() >= 8) {
+        const auto median = [&window](const auto& value) {
+          std::vector<double> values;
+          for (const Neighbour& at : window) {
+            values.push_back(value(at));
+          }
+          std::sort(values.begin(), values.end());
+          return values[values.size() / 2];
+        };
+        const double middle = median([](const Neighbour& at) { return at.z; });
+        const auto off = [middle](const Neighbour& at) { return std::fabs(at.z - middle); };
+        const double limit = 4.0 * std::max(0.75, median(off));
+        for (Neighbour& at : window) {
+          at.noise += at.lone && off(at) > limit ? 4.0 * square(off(at)) : 0.0;
+          at.noise = std::min(at.noise, 1024.0);
+        }
       }
       double roughness = 0.05;
       for (int pass = 0; pass < 2; ++pass) {

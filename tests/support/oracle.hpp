@@ -86,6 +86,7 @@ class Oracle {
     bool known;
     double depth;
     double mass;
+    bool lone;  // rests on fewer than two pings
   };
 
   [[nodiscard]] std::size_t column(int n, int e) const;

@@ -227,11 +227,11 @@ TEST(empty_evidence_vetoes_a_false_surface) {
     assert_near(cells(depth), 45.5, 0.02);
     assert_true(!depth.multi_surface);
   }
-  // Log-odds: some empty evidence is what every bottom sees; four times as much is the limit.
+  // Log-odds: some empty evidence is what every bottom sees; as much as for it is the limit.
   Column edge(8);
-  edge.voxels[4] = Voxel{100, 400};
+  edge.voxels[4] = Voxel{100, 100};
   assert_int_equal(edge.read().depth_q8, 4 * 256 + 128);
-  edge.voxels[4].miss = 401;
+  edge.voxels[4].miss = 101;
   assert_int_equal(edge.read().depth_q8, kUnknownDepth);
   // Weighted mean: where evidence against prevails there is no surface; what prevails otherwise counts.
   edge.voxels[4] = Voxel{100, 100};
@@ -241,6 +241,34 @@ TEST(empty_evidence_vetoes_a_false_surface) {
   const ColumnDepth rest = edge.read(DepthMethod::kRobustMoment, Rule::kWeightedMean);
   assert_int_equal(rest.depth_q8, 4 * 256 + 128);
   assert_int_equal(rest.mass, 40);
+}
+
+TEST(what_more_pings_stand_for_is_chosen) {
+  // One near, false, precise echo above a bottom that many wide echoes have met: higher, and with more
+  // evidence in all, but narrower and passed through.
+  const Column ghost = Column(64).surface(12.5, 0.6, 3000.0).surface(44.5, 2.5, 600.0);
+  assert_near(cells(Column(ghost).empty(8, 17, 100).read()), 44.5, 0.05);
+  // The same where nothing went through it: evidence and width decide, 4500 x 0.6 against 3760 x 2.5.
+  assert_near(cells(ghost.read()), 44.5, 0.05);
+  // A ledge of equal width: what was passed through is less credible.
+  const Column ledge = Column(64).surface(12.5, 1.0, 1200.0).surface(44.5, 1.0, 1000.0);
+  assert_near(cells(ledge.read()), 12.5, 0.05);
+  assert_true(ledge.read().multi_surface);
+  const Column contested = Column(ledge).empty(8, 17, 200);
+  assert_near(cells(contested.read()), 44.5, 0.05);
+}
+
+TEST(support_counts_pings) {
+  // Evidence of one ping of variance v is 255 min_variance / v: evidence x variance does not depend on it.
+  const auto support = [](double sigma, double count) {
+    const double peak = count * 2000.0 / (sigma * sigma * sigma);
+    return static_cast<double>(Column(64).surface(30.5, sigma, peak).read().support_q4);
+  };
+  const double one = support(1.0, 1.0);
+  // A run ends at a tenth of its peak, which takes more of a wide one.
+  assert_near(support(2.0, 1.0) / one, 1.0, 0.3);
+  assert_near(support(3.0, 1.0) / one, 1.0, 0.3);
+  assert_near(support(2.0, 5.0) / support(2.0, 1.0), 5.0, 0.1);
 }
 
 TEST(first_moment_is_the_sources) {

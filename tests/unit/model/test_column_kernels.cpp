@@ -249,8 +249,7 @@ TEST(column_profiles_in_vector_and_scalar_form_are_the_same) {
     for (std::size_t k = 0; k < depth; ++k) {
       const std::uint32_t hit = voxels[k].hit;
       const std::uint32_t miss = voxels[k].miss;
-      const std::uint32_t value =
-          rule == Rule::kLogOdds ? (miss > 4 * hit ? 0 : hit) : (miss > hit ? 0 : hit - miss);
+      const std::uint32_t value = miss > hit ? 0 : (rule == Rule::kLogOdds ? hit : hit - miss);
       const std::size_t at = k + kProfileGuard;
       assert_int_equal(vector.evidence[at], value);
       assert_int_equal(scalar.evidence[at], value);

@@ -420,4 +420,28 @@ TEST(wide_events_follow_the_longer_axis_of_a_two_axis_beam) {
   assert_true(headed.north1 - headed.north0 > 3 * (headed.east1 - headed.east0));
 }
 
+TEST(nearer_shells_weigh_more_by_the_power_of_their_variance) {
+  // v^-1.5, v = 1 - growth (1 - share^2), over the domain; 4096 at most.
+  double worst = 0.0;
+  for (std::uint32_t growth_q24 = 0; growth_q24 <= 1U << 24U; growth_q24 += 1U << 16U) {
+    std::uint32_t before = UINT32_MAX;
+    for (std::uint32_t share_q16 = 0; share_q16 <= 65536; share_q16 += 256) {
+      const std::uint32_t gain_q8 = peak_gain_q8(growth_q24, share_q16);
+      assert_true(gain_q8 <= before);
+      before = gain_q8;
+      const double growth = growth_q24 * 0x1.0p-24;
+      const double share = share_q16 * 0x1.0p-16;
+      const double v = 1.0 - growth * (1.0 - share * share);
+      const double expected = std::min(4096.0, v <= 0.0 ? 4096.0 : std::pow(v, -1.5));
+      // One unit of the result, and what the interpolation leaves.
+      worst = std::max(worst, (std::fabs(gain_q8 / 256.0 - expected) - 1.0 / 256.0) / expected);
+    }
+  }
+  print_message("peak_gain: worst relative error beyond a unit %.5f\n", worst);
+  assert_true(worst < 0.001);
+  assert_int_equal(peak_gain_q8(0, 0), 256);
+  assert_int_equal(peak_gain_q8(1U << 24U, 65536), 256);
+  assert_int_equal(peak_gain_q8(1U << 24U, 70000), 256);
+}
+
 }  // namespace
