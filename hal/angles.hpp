@@ -14,6 +14,7 @@ using base::atan2_bam32;
 using base::attitude_of;
 using base::divide_rounded;
 using base::isqrt_u64;
+using base::kQuaternionSlack_q30;
 using base::ned_of_enu;
 using base::ned_of_nwu;
 using base::rotated;
