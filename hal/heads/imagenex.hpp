@@ -32,7 +32,7 @@
 #include <cstdint>
 
 #include "hal/codec.hpp"
-#include "hal/exchange.hpp"
+#include "hal/heads/exchange.hpp"
 #include "hal/heads/nav_queue.hpp"
 #include "model/base/nav_sample.hpp"
 #include "model/base/ping.hpp"
@@ -112,7 +112,7 @@ class ImagenexCodec {
   ImagenexConfig config_;
   CodecCounters counters_{};
   Framer<12 + kMaxImagenexPoints + 1> framer_;
-  Exchange exchange_;
+  PingExchange exchange_;
   base::TimeUs next_poll_us_ = 0;
   NavQueue samples_;
   std::array<std::uint16_t, kMaxImagenexPoints> intensity_{};

@@ -33,7 +33,7 @@
 #include <cstdint>
 
 #include "hal/codec.hpp"
-#include "hal/exchange.hpp"
+#include "hal/heads/exchange.hpp"
 #include "model/base/ping.hpp"
 #include "model/base/units.hpp"
 
@@ -109,7 +109,7 @@ class TritechCodec {
   TritechConfig config_;
   CodecCounters counters_{};
   Framer<kMaxSeanetFrame_bytes> framer_;
-  Exchange exchange_;
+  PingExchange exchange_;
   TritechState state_{};
   Step step_ = Step::kVersion;
   bool ready_ = false;  ///< mtAlive: centred and with parameters

@@ -1,5 +1,7 @@
-// One request under way on a line of question and answer.
+// Bookkeeping of one request under way on a half-duplex line, for heads that are asked.
 #pragma once
+
+#include <cstdint>
 
 #include "model/base/units.hpp"
 
@@ -7,7 +9,7 @@ namespace leadline::hal {
 
 /// One request at a time: sent, then answered or given up. Times that go back restart the wait
 /// instead of stretching it. O(1).
-class Exchange {
+class PingExchange {
  public:
   void sent(base::TimeUs now_us, std::int64_t timeout_us) {
     t_sent_us_ = now_us;
