@@ -23,7 +23,10 @@ packages=(
 )
 # libclang-rt: the sanitizer and fuzzer libraries, which clang only recommends. llvm: readable reports.
 # user-mode-linux, kmod, iproute2: a kernel with CAN as a plain process (tests/cli/test_kernel_buses_ci.sh).
-check_packages=(user-mode-linux kmod iproute2 clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr)
+check_packages=(
+  clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr
+  user-mode-linux kmod iproute2
+)
 
 dry_run=0
 while [ $# -gt 0 ]; do

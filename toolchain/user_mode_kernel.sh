@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Builds a Linux kernel that runs as a plain process and carries what no machine of ours need have: CAN buses
+# Builds a Linux kernel that runs as a plain process and carries what a machine need not have: CAN buses
 # (vcan, slcan) and GPIO lines (gpio-sim), for tests/cli/test_kernel_buses_ci.sh.
 #
 # usage: toolchain/user_mode_kernel.sh [--jobs N] [--print-path]
 #   --jobs N       parallel compilations (default: all processors)
 #   --print-path   only print where the kernel is, or will be
 #
-# Takes about ten minutes of processor time, once: the kernel (6 MB) stays in
-# ${LEADLINE_CACHE:-${XDG_CACHE_HOME:-~/.cache}/leadline}, outside of the checkout. Needs Debian's linux-source-6.1, flex,
-# bison, bc, make, gcc, xz-utils; says what is missing.
+# Takes up to ten minutes of processor time, once: the kernel stays in $LEADLINE_CACHE (by default
+# ~/.cache/leadline), outside of the checkout. Needs Debian's linux-source-6.1, flex, bison, bc, make, gcc and
+# xz-utils; says what is missing.
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 

@@ -20,7 +20,7 @@ FastPackets::Slot& FastPackets::slot_for(std::uint32_t key, std::uint32_t& dropp
     chosen = find(0);
   }
   if (chosen == nullptr) {
-    chosen = &slots_[0];
+    chosen = slots_.data();
     for (Slot& slot : slots_) {
       chosen = slot.t_last_us < chosen->t_last_us ? &slot : chosen;
     }

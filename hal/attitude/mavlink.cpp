@@ -169,13 +169,14 @@ std::uint32_t sigma_mm(const std::uint8_t* bytes) {
 
 void take_vision(const Payload& payload, base::NavSample& sample) {
   // Upper triangle of a 6 x 6 matrix, by rows: x at 0, y at 6, z at 11.
-  constexpr std::size_t kCovariance = 32;
+  constexpr std::size_t kX = 32;
+  constexpr std::size_t kY = kX + std::size_t{4} * 6;
+  constexpr std::size_t kDown = kX + std::size_t{4} * 11;
   if (!take_local(&payload[8], sample)) {
     return;
   }
-  sample.sigma_position_mm =
-      base::max_of(sigma_mm(&payload[kCovariance]), sigma_mm(&payload[kCovariance + 4 * 6]));
-  sample.sigma_vertical_mm = sigma_mm(&payload[kCovariance + 4 * 11]);
+  sample.sigma_position_mm = base::max_of(sigma_mm(&payload[kX]), sigma_mm(&payload[kY]));
+  sample.sigma_vertical_mm = sigma_mm(&payload[kDown]);
 }
 
 void set_altitude(std::int64_t altitude_um, base::NavSample& sample) {

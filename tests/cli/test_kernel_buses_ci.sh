@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# CAN and GPIO ports on a real kernel: runs unit.hal_linux.kernel_buses inside of a Linux that is itself a plain
-# process. Debian's packaged one (user-mode-linux) brings CAN; the one of toolchain/user_mode_kernel.sh, where it
-# has been built, CAN and GPIO. Skipped where there is neither.
+# CAN and GPIO ports on a real kernel: runs unit.hal_linux.kernel_buses inside of a Linux that is itself a
+# plain process. Debian's packaged one (user-mode-linux) brings CAN; that of toolchain/user_mode_kernel.sh,
+# where it has been built, CAN and GPIO. Skipped where there is neither.
 set -euo pipefail
 
 program=$LEADLINE_BUILD/tests/unit.hal_linux.kernel_buses

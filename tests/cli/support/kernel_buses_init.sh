@@ -1,6 +1,6 @@
 #!/bin/sh
-# First and only process of the user-mode kernel of test_kernel_buses_ci.sh, with the host's own tree as its
-# (read-only) root: makes a CAN bus and GPIO lines, runs the tests on them, prints GUEST-RC=<exit code>.
+# First process of the user-mode kernel of test_kernel_buses_ci.sh, with the host's own tree as its (read-only)
+# root: makes a CAN bus and GPIO lines, runs the tests on them, prints GUEST-RC=<exit code>.
 # On the kernel's command line: LEADLINE_TEST=<program>.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin
 mount -t proc proc /proc
