@@ -11,16 +11,18 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-# Compiler and build; libraries of host_tools; the demo's font; tests; benches.
+# Compiler and build; libraries of host_tools; the demo's font; of the ports; tests; benches.
 packages=(
   g++ cmake ninja-build pkg-config python3
   libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev
   fonts-dejavu-core
+  libmodbus-dev libgpiod-dev
   libcmocka-dev
   libbenchmark-dev liboctomap-dev libzstd-dev
 )
 # libclang-rt: the sanitizer and fuzzer libraries, which clang only recommends. llvm: readable reports.
-check_packages=(clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr)
+# user-mode-linux, kmod, iproute2: a kernel with CAN as a plain process (tests/cli/test_kernel_buses_ci.sh).
+check_packages=(user-mode-linux kmod iproute2 clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr)
 
 dry_run=0
 while [ $# -gt 0 ]; do

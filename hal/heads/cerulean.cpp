@@ -81,15 +81,15 @@ constexpr std::array<Row, 26> kRows{{
     {kOs3dPoints, 80, 16 * kMaxCeruleanPoints, 16, 8},
 }};
 
-constexpr bool all_fit() {
+constexpr std::size_t longest_payload() {
+  std::size_t longest = 0;
   for (const Row& row : kRows) {
-    if (row.fixed_bytes + std::size_t{row.extra_bytes} > kMaxCeruleanPayload_bytes) {
-      return false;
-    }
+    longest = base::max_of(longest, row.fixed_bytes + std::size_t{row.extra_bytes});
   }
-  return true;
+  return longest;
 }
-static_assert(all_fit(), "a frame that outgrows the buffer would never be complete");
+static_assert(longest_payload() <= kMaxCeruleanPayload_bytes,
+              "a frame that outgrows the buffer would never be complete");
 
 const Row* find(std::uint16_t id) {
   for (const Row& row : kRows) {
@@ -572,7 +572,7 @@ bool CeruleanCodec::take_attitude(const FrameBytes& frame) {
   const std::uint8_t* payload = payload_of(frame);
   std::int64_t up_q30[3] = {};
   const std::int64_t limit = std::int64_t{2} * base::kOne_q30;
-  for (int i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < 3; ++i) {
     if (!f32_within(read_u32_le(payload + 4 * i), base::kOne_q30, -limit, limit, up_q30[i])) {
       return false;
     }
@@ -584,7 +584,9 @@ bool CeruleanCodec::take_attitude(const FrameBytes& frame) {
   const std::int64_t across = up_q30[1] * up_q30[1] + up_q30[2] * up_q30[2];
   const std::int64_t square_q30 = (across + up_q30[0] * up_q30[0]) >> 30;
   // A vector that is not of length one within a tenth is no direction.
-  if (square_q30 > base::kOne_q30 / 5 * 4 && square_q30 < base::kOne_q30 / 5 * 6) {
+  constexpr std::int64_t kLeast_q30 = std::int64_t{base::kOne_q30} * 4 / 5;
+  constexpr std::int64_t kMost_q30 = std::int64_t{base::kOne_q30} * 6 / 5;
+  if (square_q30 > kLeast_q30 && square_q30 < kMost_q30) {
     const std::int64_t forward = config_.bow_up_is_positive_x ? up_q30[0] : -up_q30[0];
     sample.attitude.roll_bam32 = atan2_bam32(up_q30[1], up_q30[2]);
     sample.attitude.pitch_bam32 =

@@ -8,6 +8,7 @@
 #include <poll.h>
 #include <sys/stat.h>
 
+#include "hal/linux/bus_ports.hpp"
 #include "hal/linux/serial_port.hpp"
 #include "hal/linux/socket_ports.hpp"
 #include "hal/linux/stream_port.hpp"
@@ -150,6 +151,12 @@ PortResult make_port(const UriSpec& spec, FileUse file_use) {
     case UriScheme::kUdp:
     case UriScheme::kTcp:
       result = make_socket_port(spec);
+      break;
+    case UriScheme::kCan:
+    case UriScheme::kModbusRtu:
+    case UriScheme::kModbusTcp:
+    case UriScheme::kGpio:
+      result = make_bus_port(spec);
       break;
   }
   return result;

@@ -9,26 +9,69 @@
 //   file:PATH            where the caller reads: from the beginning, and on as the file grows; where
 //                        it writes: creates the file or adds to its end
 //
+//   can:IFACE[:ID/MASK,...]
+//                        a CAN interface that is up (`ip link`, `slcand` for serial adapters): frames of
+//                        hal/can_frame.hpp. Filters in hex, up to three digits for 11 bits, more for 29
+//   modbus-rtu:PATH:BAUD:8N1@ADDR
+//                        Modbus master of slave ADDR (1 .. 247) on a serial line; one RTU frame, with its
+//                        CRC, per write and per read
+//   modbus-tcp:HOST:PORT@ADDR
+//                        the same bytes over TCP
+//   gpio:CHIP:LINE[:out] edges of a line, 'R' and 'F' at the time that the kernel saw them; with :out a
+//                        line that is set by writing the same letters
+//
 // Senders connect, receivers listen: `leadline-vehicle --link udp:10.0.0.7:9100`, and on 10.0.0.7
 // `leadline receive udp:@:9100`. HOST is a name, an IPv4 address or an IPv6 address in brackets. A PATH
 // may hold colons: what stands behind the last one is a rate only when it is all digits.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace leadline::hal {
 
-enum class UriScheme : std::uint8_t { kSerial, kUdp, kTcp, kFile };
+enum class UriScheme : std::uint8_t {
+  kSerial,
+  kUdp,
+  kTcp,
+  kFile,
+  kCan,
+  kModbusRtu,
+  kModbusTcp,
+  kGpio
+};
+
+inline constexpr std::size_t kMaxCanFilters = 32;
+
+/// Takes a frame whose identifier equals `id` where `mask` has ones.
+struct CanFilter {
+  std::uint32_t id = 0;  ///< bit 31: of 29 bits, otherwise of 11
+  std::uint32_t mask = 0;
+};
+
+/// Eight data bits.
+struct SerialFraming {
+  char parity = 'N';  ///< N, E, O
+  std::uint8_t stop_bits = 1;
+};
 
 struct UriSpec {
   UriScheme scheme = UriScheme::kFile;
-  bool listen = false;           ///< kUdp, kTcp: '@'
-  std::string path;              ///< kSerial, kFile
-  std::uint32_t baud = 115'200;  ///< kSerial: one of the rates termios knows, 1200 .. 4,000,000
-  std::string host;        ///< kUdp, kTcp: without brackets; empty (listening only): every address
-  std::uint16_t port = 0;  ///< kUdp, kTcp: 1 .. 65535, listening also 0: any free one
+  bool listen = false;  ///< kUdp, kTcp: '@'
+  std::string path;     ///< kSerial, kModbusRtu, kFile; kCan: interface; kGpio: chip
+  std::uint32_t baud =
+      115'200;  ///< kSerial, kModbusRtu: one of the rates termios knows, 1200 .. 4,000,000
+  std::string
+      host;  ///< kUdp, kTcp, kModbusTcp: without brackets; empty (listening only): every address
+  std::uint16_t port = 0;  ///< kUdp, kTcp, kModbusTcp: 1 .. 65535, listening also 0: any free one
+  std::vector<CanFilter> can_filters;  ///< kCan: none: everything
+  SerialFraming framing;               ///< kModbusRtu
+  std::uint8_t unit = 0;               ///< kModbusRtu, kModbusTcp: 1 .. 247
+  std::uint32_t line = 0;              ///< kGpio
+  bool output = false;                 ///< kGpio
 };
 
 /// A specification, or what is wrong with the text: a sentence that quotes it and says what is needed.

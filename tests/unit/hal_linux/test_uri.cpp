@@ -48,9 +48,44 @@ TEST(files_have_a_path) {
   assert_string_equal(good("file:a:b").spec.path.c_str(), "a:b");
 }
 
+TEST(buses_and_lines) {
+  const UriResult can = good("can:can0:0DF50B23,7FF/700,9F119CC/1FFFF00");
+  assert_int_equal(can.spec.scheme, UriScheme::kCan);
+  assert_string_equal(can.spec.path.c_str(), "can0");
+  assert_int_equal(can.spec.can_filters.size(), 3);
+  assert_int_equal(can.spec.can_filters[0].id, 0x8DF50B23U);
+  assert_int_equal(can.spec.can_filters[0].mask, 0x1FFFFFFF);
+  assert_int_equal(can.spec.can_filters[1].id, 0x7FF);
+  assert_int_equal(can.spec.can_filters[1].mask, 0x700);
+  assert_true(good("can:slcan0").spec.can_filters.empty());
+  const UriResult rtu = good("modbus-rtu:/dev/ttyUSB1:19200:8E2@17");
+  assert_int_equal(rtu.spec.scheme, UriScheme::kModbusRtu);
+  assert_string_equal(rtu.spec.path.c_str(), "/dev/ttyUSB1");
+  assert_int_equal(rtu.spec.baud, 19'200);
+  assert_int_equal(rtu.spec.framing.parity, 'E');
+  assert_int_equal(rtu.spec.framing.stop_bits, 2);
+  assert_int_equal(rtu.spec.unit, 17);
+  const UriResult tcp = good("modbus-tcp:10.0.0.7:502@247");
+  assert_int_equal(tcp.spec.port, 502);
+  assert_int_equal(tcp.spec.unit, 247);
+  const UriResult in = good("gpio:/dev/gpiochip1:17");
+  assert_string_equal(in.spec.path.c_str(), "/dev/gpiochip1");
+  assert_int_equal(in.spec.line, 17);
+  assert_false(in.spec.output);
+  assert_true(good("gpio:gpiochip0:4:out").spec.output);
+  std::string many = "can:can0:";
+  for (int i = 0; i < 33; ++i) {
+    many += (i == 0 ? "" : ",") + std::to_string(i);
+  }
+  assert_true(parse_uri(many).error.find("more than 32 filters") != std::string::npos);
+}
+
 TEST(text_reads_back_to_the_same) {
-  for (const char* const text : {"serial:/dev/ttyUSB0:115200", "udp:192.168.2.2:9090", "udp:@:9100",
-                                 "tcp:[fe80::1]:80", "tcp:@localhost:80", "file:a b"}) {
+  for (const char* const text :
+       {"serial:/dev/ttyUSB0:115200", "udp:192.168.2.2:9090", "udp:@:9100", "tcp:[fe80::1]:80",
+        "tcp:@localhost:80", "file:a b", "can:can0", "can:can0:123/7FF,0DF50B23/1FFFFFFF",
+        "modbus-rtu:/dev/ttyUSB1:19200:8N1@1", "modbus-tcp:[::1]:502@9", "gpio:gpiochip0:3",
+        "gpio:gpiochip0:3:out"}) {
     assert_string_equal(uri_text(good(text).spec).c_str(), text);
   }
 }
@@ -61,9 +96,31 @@ TEST(what_is_wrong_is_said_with_the_text_and_what_is_needed) {
     const char* message;
   };
   const std::vector<Case> cases = {
-      {"", "has to begin with serial:, udp:, tcp: or file:"},
+      {"", "has to begin with serial:, udp:, tcp:, can:,"},
       {"/dev/ttyUSB0", "\"/dev/ttyUSB0\": has to begin with serial:"},
-      {"can:can0", "has to begin with serial:"},
+      {"can:", "needs an interface"},
+      {"can:a/b", "needs an interface"},
+      {"can:sixteen_letters_", "needs an interface"},
+      {"can:can0:", "\"\" is no filter"},
+      {"can:can0:1x", "\"1x\" is no filter"},
+      {"can:can0:800", "\"800\" is no filter"},
+      {"can:can0:FFFFFFFF", "is no filter"},
+      {"can:can0:123/FFFF", "is no filter"},
+      {"can:can0:1,,2", "\"\" is no filter"},
+      {"modbus-rtu:/dev/ttyUSB1:19200:8N1", "needs the slave's address, 1 to 247"},
+      {"modbus-rtu:/dev/ttyUSB1:19200:8N1@0", "needs the slave's address"},
+      {"modbus-rtu:/dev/ttyUSB1:19200:8N1@248", "needs the slave's address"},
+      {"modbus-rtu:/dev/ttyUSB1:19200@1", "needs the framing"},
+      {"modbus-rtu:/dev/ttyUSB1:19200:7E1@1", "needs the framing"},
+      {"modbus-rtu::19200:8N1@1", "needs a device"},
+      {"modbus-rtu:/dev/ttyUSB1:19201:8N1@1", "the rate has to be one of"},
+      {"modbus-tcp:host@1", "needs a port"},
+      {"modbus-tcp:@:502@1", "is a master and connects"},
+      {"modbus-tcp:host:502", "needs the slave's address"},
+      {"gpio:gpiochip0", "needs a chip and a line's number"},
+      {"gpio::3", "needs a chip"},
+      {"gpio:gpiochip0:x", "needs a chip"},
+      {"gpio:gpiochip0:3:in", "needs a chip"},
       {"serial:", "needs a device"},
       {"serial::9600", "needs a device"},
       {"serial:/dev/ttyS0:9601", "the rate has to be one of 1200 1800"},
@@ -94,7 +151,7 @@ TEST(what_is_wrong_is_said_with_the_text_and_what_is_needed) {
 
 TEST(any_bytes_are_a_uri_or_an_error) {
   leadline::test::Random random;
-  const std::string alphabet = "serialudptcpfile::::@[]/09.\x01\xff ";
+  const std::string alphabet = "serialudptcpfile::::@[]/09.,8N1\x01\xff ";
   for (int round = 0; round < 20'000; ++round) {
     std::string text;
     const std::int64_t size = random.between(0, 24);
@@ -102,7 +159,8 @@ TEST(any_bytes_are_a_uri_or_an_error) {
       text += alphabet[static_cast<std::size_t>(
           random.between(0, static_cast<std::int64_t>(alphabet.size()) - 1))];
     }
-    const UriResult result = parse_uri((round % 2 == 0 ? "udp:" : "") + text);
+    const char* const schemes[] = {"udp:", "", "can:", "gpio:", "modbus-rtu:", "modbus-tcp:"};
+    const UriResult result = parse_uri(schemes[round % 6] + text);
     if (result.ok()) {
       assert_string_equal(uri_text(good(uri_text(result.spec)).spec).c_str(),
                           uri_text(result.spec).c_str());
