@@ -13,7 +13,8 @@ void add_import_command(CLI::App* app, CommandRun* run) {
       "import", "Turn recordings of other programs into a log, or into soundings for `map`");
   command
       ->add_option("soundings", options->soundings,
-                   "Files of finished soundings (SonTek .sum): writes a pings.csv for `map`")
+                   "Files of soundings (SonTek .sum, XTF): writes a pings.csv for `map`, as\n"
+                   "`leadline survey` does, which can do more about it")
       ->type_name("FILE");
   command
       ->add_option("--record", options->records,
@@ -34,9 +35,6 @@ void add_import_command(CLI::App* app, CommandRun* run) {
   command->add_option("--lat", options->lat_deg, "Origin of soundings (default: the first one)")
       ->type_name("DEG");
   command->add_option("--lon", options->lon_deg, "")->type_name("DEG");
-  command->add_flag(
-      "--tilt", options->tilt,
-      "Soundings: apply the file's roll and pitch (its depths are taken as levelled)");
   command->add_option("--out", options->out_path, "Log or pings.csv to write")
       ->type_name("FILE")
       ->required();

@@ -66,7 +66,12 @@ constexpr DriverSet all_heads() {
   return set;
 }
 constexpr DriverSet kHeads = all_heads();
-constexpr DriverSet kPingHeads = of(Driver::kPing1d, Driver::kPing360);
+/// Heads that are asked for pings; the others talk by themselves.
+constexpr DriverSet kAsked =
+    of(Driver::kPing1d, Driver::kPing360, Driver::kCerulean, Driver::kImagenex, Driver::kTritech);
+/// Heads that send intensities.
+constexpr DriverSet kProfiles = kAsked;
+constexpr DriverSet kScanners = of(Driver::kPing360, Driver::kImagenex);
 constexpr DriverSet kEvery = ~DriverSet{0};
 
 // ---- Keys: one line each, with the drivers that have it -----------------------------------------
@@ -83,19 +88,21 @@ struct NumberKey {
   DriverSet drivers;
 };
 
-constexpr std::array<NumberKey, 11> kNumberKeys{{
+constexpr std::array<NumberKey, 13> kNumberKeys{{
     {"latency_ms", &PortConfig::latency_us, -1000, 10'000, 1e3, 0, kEvery},
     {"byte_time_ns", &PortConfig::byte_time_ns, 0, 100'000'000, 1, 0, kEvery},
-    {"interval_ms", &PortConfig::ping_interval_us, 0, 60'000, 1e3, 0, kHeads | of(Driver::kKeller)},
-    {"scan_first_grad", &PortConfig::scan_first_grad, 0, 399, 1, 0, of(Driver::kPing360)},
-    {"scan_last_grad", &PortConfig::scan_last_grad, 0, 399, 1, 0, of(Driver::kPing360)},
-    {"scan_step_grad", &PortConfig::scan_step_grad, 1, 10, 1, 0, of(Driver::kPing360)},
+    {"interval_ms", &PortConfig::ping_interval_us, 0, 60'000, 1e3, 0, kAsked | of(Driver::kKeller)},
+    {"scan_first_grad", &PortConfig::scan_first_grad, 0, 399, 1, 0, kScanners},
+    {"scan_last_grad", &PortConfig::scan_last_grad, 0, 399, 1, 0, kScanners},
+    {"scan_step_grad", &PortConfig::scan_step_grad, 1, 10, 1, 0, kScanners},
     {"gain", &PortConfig::gain_plus_1, 0, 6, 1, 1, of(Driver::kPing1d)},
     {"gain", &PortConfig::gain_plus_1, 0, 2, 1, 1, of(Driver::kPing360)},
+    {"gain", &PortConfig::gain_plus_1, 0, 100, 1, 1, of(Driver::kCerulean)},
+    {"gain", &PortConfig::gain_plus_1, 0, 40, 1, 1, of(Driver::kImagenex)},
     {"frequency_khz", &PortConfig::frequency_khz, 500, 1000, 1, 0, of(Driver::kPing360)},
     {"address", &PortConfig::address, 0, 255, 1, 0,
-     kPingHeads | of(Driver::kKeller, Driver::kNmea2000, Driver::kMavlink)},
-    {"intensity_step_db", &PortConfig::intensity_step_mdb, 0.001, 6, 1e3, 0, kHeads},
+     kAsked | of(Driver::kKeller, Driver::kNmea2000, Driver::kMavlink)},
+    {"intensity_step_db", &PortConfig::intensity_step_mdb, 0.001, 6, 1e3, 0, kProfiles},
 }};
 
 /// A bit of PortConfig::switches.
@@ -106,27 +113,42 @@ struct SwitchKey {
   DriverSet drivers;
 };
 
-constexpr std::array<SwitchKey, 10> kSwitchKeys{{
-    {"clockwise", firmware::kPortOtherSense, true, of(Driver::kPing360)},
+constexpr std::array<SwitchKey, 20> kSwitchKeys{{
+    {"clockwise", firmware::kPortOtherSense, true, kScanners},
+    {"positive_to_port", firmware::kPortOtherSense, true, of(Driver::kCerulean)},
+    {"positive_to_starboard", firmware::kPortOtherSense, true, of(Driver::kDeltat83p)},
+    {"a2_inclusive", firmware::kPortOtherSense, true, of(Driver::kR2sonic)},
+    {"heave_up", firmware::kPortOtherSense, true, of(Driver::kNmea2000)},
+    {"velocity_of_bottom", firmware::kPortOtherSense, true, of(Driver::kPd0)},
+    {"roll_positive", firmware::kPortOtherRoll, true, of(Driver::kImagenex, Driver::kDeltat83p)},
+    {"pitch_positive", firmware::kPortOtherPitch, true,
+     of(Driver::kCerulean, Driver::kImagenex, Driver::kDeltat83p)},
     {"use_variation", firmware::kPortUseVariation, false, of(Driver::kNmea, Driver::kNmea2000)},
     {"prdid_true", firmware::kPortOtherNorth, false, of(Driver::kNmea)},
-    {"true_heading", firmware::kPortOtherNorth, false, of(Driver::kNmea2000)},
+    {"true_heading", firmware::kPortOtherNorth, false,
+     of(Driver::kDeltat83p, Driver::kVectornav, Driver::kXsens, Driver::kPd0, Driver::kNmea2000)},
     {"true_heading", firmware::kPortOtherNorth, true, of(Driver::kMavlink)},
     {"gauge_pressure", firmware::kPortGaugePressure, false, of(Driver::kNmea, Driver::kKeller)},
-    {"require_checksum", firmware::kPortAcceptUnchecked, true, of(Driver::kNmea)},
-    {"heave_up", firmware::kPortOtherSense, true, of(Driver::kNmea2000)},
     {"pressure_only", firmware::kPortPressureOnly, false, of(Driver::kKeller)},
-    {"profile", 0, false, of(Driver::kPing1d)},
+    {"use_pressure", firmware::kPortUsePressure, false, of(Driver::kXsens)},
+    {"require_checksum", firmware::kPortAcceptUnchecked, true,
+     of(Driver::kNmea, Driver::kVectornav, Driver::kWldvl)},
+    {"euler_angles", firmware::kPortEulerAngles, false, of(Driver::kTss1, Driver::kPd0)},
+    {"other_axes", firmware::kPortOtherAxes, false, of(Driver::kXsens, Driver::kWldvl)},
+    {"check_status", firmware::kPortIgnoreStatus, true, of(Driver::kXsens)},
+    {"profile", 0, false, of(Driver::kPing1d, Driver::kCerulean, Driver::kImagenex)},
 }};
 
 /// Which of a driver's devices, or of its ways to talk. The first is the default.
 struct VariantKey {
   Driver driver;
   const char* key;
-  std::array<const char*, 4> names;
+  std::array<const char*, 6> names;  ///< in the order of the codec's own enumerators; then nulls
 };
 
-constexpr std::array<VariantKey, 1> kVariantKeys{{
+constexpr std::array<VariantKey, 3> kVariantKeys{{
+    {Driver::kCerulean, "model", {"listen", "surveyor", "omniscan3d", "omniscan450", "s500"}},
+    {Driver::kImagenex, "model", {"auto", "852_sounder", "852_scanner", "881a", "831l"}},
     {Driver::kKeller, "bus", {"modbus", "keller"}},
 }};
 
@@ -135,15 +157,14 @@ constexpr std::array<const char*, 3> kScaleNames = {"energy", "amplitude", "deci
 /// nothing says of which step. With this one its 8 bits span 76 dB.
 constexpr std::int32_t kUsualStep_mdb = 300;
 
-constexpr std::array<std::pair<const char*, DriverSet>, 8> kOtherKeys{{
+constexpr std::array<std::pair<const char*, DriverSet>, 7> kOtherKeys{{
     {"uri", kEvery},
     {"optional", kEvery},
     {"driver", kEvery},
     {"mount", kHeads},
     {"min_range_mm", kHeads},
     {"max_range_mm", kHeads},
-    {"intensity", kHeads},
-    {"intensity_step_db", kHeads},
+    {"intensity", kProfiles},
 }};
 
 /// Every key, with the drivers that know it, as often as it stands in the tables.
@@ -222,24 +243,29 @@ void set_port_defaults(const hal::UriSpec& uri, PortConfig* port) {
     // Start bit, eight, stop bit.
     port->byte_time_ns = static_cast<std::int32_t>(10'000'000'000 / std::max(uri.baud, 1U));
   }
-  port->ping_interval_us =
-      contains(kHeads, port->driver) && port->driver != Driver::kPing360 ? 100'000 : 0;
-  port->profile = port->driver == Driver::kPing360 ? 1 : 0;
+  port->ping_interval_us = contains(kAsked, port->driver) ? 100'000 : 0;
+  port->intensity_step_mdb = contains(kProfiles, port->driver) ? kUsualStep_mdb : 0;
+  if (contains(kScanners, port->driver)) {
+    port->ping_interval_us = 0;
+    port->scan_last_grad = 399;
+    port->scan_step_grad = 1;
+    port->profile = 1;
+  }
   if (port->driver == Driver::kPing1d) {
     port->gain_plus_1 = hal::Ping1dConfig{}.gain_setting + 1;
-  }
-  if (port->driver == Driver::kKeller) {
+  } else if (port->driver == Driver::kPing360) {
+    port->gain_plus_1 = hal::Ping360Config{}.gain_setting + 1;
+    port->frequency_khz = hal::Ping360Config{}.frequency_khz;
+    port->intensity_scale = IntensityScale::kDecibel;
+  } else if (port->driver == Driver::kCerulean) {
+    port->profile = 1;
+    port->intensity_scale = IntensityScale::kAmplitude;  // the codec's own work
+  } else if (port->driver == Driver::kImagenex) {
+    port->gain_plus_1 = hal::ImagenexConfig{}.gain_db + 1;
+  } else if (port->driver == Driver::kKeller) {
     port->address = hal::KellerConfig{}.address;
     port->ping_interval_us = hal::KellerConfig{}.poll_interval_us;
   }
-  if (port->driver == Driver::kPing360) {
-    port->gain_plus_1 = hal::Ping360Config{}.gain_setting + 1;
-    port->frequency_khz = hal::Ping360Config{}.frequency_khz;
-    port->scan_last_grad = 399;
-    port->scan_step_grad = 1;
-    port->intensity_scale = IntensityScale::kDecibel;
-  }
-  port->intensity_step_mdb = contains(kHeads, port->driver) ? kUsualStep_mdb : 0;
 }
 
 void read_switches(const TomlSection& section, PortConfig* port) {
@@ -291,6 +317,9 @@ void read_variant(const TomlSection& section, PortConfig* port) {
 void read_head(const TomlSection& section, const PortContext& context, PortConfig* port) {
   read_port_mount(section, context.mount_names, port);
   read_port_range(section, context.ranges, port);
+  if (!contains(kProfiles, port->driver)) {
+    return;
+  }
   port->intensity_scale = static_cast<IntensityScale>(section.read_choice(
       "intensity", kScaleNames, static_cast<std::size_t>(port->intensity_scale)));
 }
@@ -359,6 +388,8 @@ void add_port(const PortSection& port, const std::vector<std::string>& mount_nam
     list->text("mount", mount_names[config.mount]);
     list->integer("min_range_mm", config.min_range_um / 1000);
     list->integer("max_range_mm", config.max_range_um / 1000);
+  }
+  if (contains(kProfiles, config.driver)) {
     list->text("intensity", kScaleNames[static_cast<std::size_t>(config.intensity_scale)]);
   }
   for (const NumberKey& each : kNumberKeys) {

@@ -26,6 +26,12 @@ enum PortSwitch : std::uint16_t {
   kPortAcceptUnchecked = 1U << 3U,  ///< take messages without a checksum
   kPortOtherSense = 1U << 4U,       ///< a scanner turns, or a sensor counts, the other way
   kPortPressureOnly = 1U << 5U,     ///< ask for pressure alone
+  kPortOtherRoll = 1U << 6U,        ///< roll counts the other way
+  kPortOtherPitch = 1U << 7U,       ///< pitch counts the other way
+  kPortEulerAngles = 1U << 8U,      ///< roll or pitch is the Euler angle, not the level's
+  kPortOtherAxes = 1U << 9U,        ///< the sensor's axes are not those of its habit
+  kPortIgnoreStatus = 1U << 10U,    ///< take what the sensor calls not valid
+  kPortUsePressure = 1U << 11U,     ///< the pressure is that of the water
 };
 
 /// What a head's intensities are. The echo detector compares energies.

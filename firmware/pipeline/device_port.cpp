@@ -34,6 +34,12 @@ struct HasNext<Codec, Record,
     : std::true_type {};
 
 template <class Codec, class = void>
+struct HasSamples : std::false_type {};
+template <class Codec>
+struct HasSamples<Codec, std::void_t<decltype(std::declval<Codec&>().take_sample(
+                             std::declval<base::NavSample&>()))>> : std::true_type {};
+
+template <class Codec, class = void>
 struct HasRequest : std::false_type {};
 template <class Codec>
 struct HasRequest<Codec, std::void_t<decltype(std::declval<Codec&>().request(
@@ -82,11 +88,20 @@ struct Calls {
   static RecordKind feed(void* codec, std::uint8_t byte, base::TimeUs t_arrival_us,
                          DeviceRecord& record) {
     return of(codec).feed(byte, t_arrival_us, record_of(record, IsHead{})) ? kKind
-                                                                           : RecordKind::kNone;
+                                                                           : sample(codec, record);
   }
   static RecordKind next(void* codec, DeviceRecord& record) {
     if constexpr (HasNext<Codec, Record>::value) {
-      return of(codec).next(record_of(record, IsHead{})) ? kKind : RecordKind::kNone;
+      if (of(codec).next(record_of(record, IsHead{}))) {
+        return kKind;
+      }
+    }
+    return sample(codec, record);
+  }
+  /// What a head knows of the vehicle (hal/heads/nav_queue.hpp): behind its pings.
+  static RecordKind sample(void* codec, DeviceRecord& record) {
+    if constexpr (HasSamples<Codec>::value) {
+      return of(codec).take_sample(record.sample) ? RecordKind::kSample : RecordKind::kNone;
     } else {
       static_cast<void>(codec);
       static_cast<void>(record);

@@ -67,7 +67,98 @@ hal::NmeaConfig nmea_config(const PortConfig& port, const DeviceSetup& /*setup*/
 hal::R2SonicConfig r2sonic_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
   auto head = head_of<hal::R2SonicConfig>(port);
   head.device_clock = false;  // of the day, which the vehicle's clock is not
+  head.a2_inclusive = !has(port, kPortOtherSense);
   return head;
+}
+
+hal::CeruleanConfig cerulean_config(const PortConfig& port, const DeviceSetup& setup) {
+  auto head = head_of<hal::CeruleanConfig>(port);
+  set(head.head, port.variant_plus_1 - 1, port.variant_plus_1 != 0);
+  set(head.device_id, port.address, true);
+  set(head.gain_index, port.gain_plus_1 - 1, port.gain_plus_1 != 0);
+  set(head.ping_interval_ms, port.ping_interval_us / 1000, port.ping_interval_us != 0);
+  head.profile = port.profile != 0;
+  head.atof_positive_to_port = !has(port, kPortOtherSense);
+  head.bow_up_is_positive_x = !has(port, kPortOtherPitch);
+  head.min_range_um = port.min_range_um;
+  head.max_range_um = port.max_range_um;
+  head.sound_speed_mm_s = setup.sound_speed_mm_s;
+  return head;
+}
+
+hal::ImagenexConfig imagenex_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  auto head = head_of<hal::ImagenexConfig>(port);
+  set(head.model, port.variant_plus_1 - 1, port.variant_plus_1 != 0);
+  set(head.head_id, port.address, true);
+  set(head.gain_db, port.gain_plus_1 - 1, port.gain_plus_1 != 0);
+  head.profile = port.profile != 0;
+  head.clockwise = !has(port, kPortOtherSense);
+  head.roll_positive = !has(port, kPortOtherRoll);
+  head.pitch_positive = !has(port, kPortOtherPitch);
+  head.poll_interval_us = port.ping_interval_us;
+  // 10 gradians of 400 a turn are 9 degrees.
+  const std::int32_t turned_grad = port.scan_last_grad - port.scan_first_grad;
+  const std::int32_t span_grad =
+      turned_grad < 0 ? turned_grad + hal::kPing360Turn_grad : turned_grad;
+  const bool full = span_grad + port.scan_step_grad >= hal::kPing360Turn_grad;
+  head.sector_deg = full ? 360 : span_grad * 9 / 10;
+  head.train_deg = full ? 0 : (port.scan_first_grad * 9 + span_grad * 9 / 2) / 10 % 360;
+  set(head.step_ddeg, port.scan_step_grad * 9, port.scan_step_grad != 0);
+  head.min_range_um = port.min_range_um;
+  head.max_range_um = port.max_range_um;
+  head.byte_time_ns = port.byte_time_ns;
+  return head;
+}
+
+hal::Deltat83pConfig deltat83p_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  auto head = head_of<hal::Deltat83pConfig>(port);
+  head.positive_to_starboard = !has(port, kPortOtherSense);
+  head.roll_positive = !has(port, kPortOtherRoll);
+  head.pitch_positive = !has(port, kPortOtherPitch);
+  head.heading_is_true = has(port, kPortOtherNorth);
+  return head;
+}
+
+hal::Tss1Config tss1_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::Tss1Config sensor;
+  sensor.euler_roll = has(port, kPortEulerAngles);
+  sensor.byte_time_ns = port.byte_time_ns;
+  return sensor;
+}
+
+hal::VectorNavConfig vectornav_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::VectorNavConfig sensor;
+  sensor.true_heading = has(port, kPortOtherNorth);
+  sensor.accept_unchecked = has(port, kPortAcceptUnchecked);
+  sensor.byte_time_ns = port.byte_time_ns;
+  return sensor;
+}
+
+hal::XsensConfig xsens_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::XsensConfig sensor;
+  sensor.true_heading = has(port, kPortOtherNorth);
+  sensor.body_frd = has(port, kPortOtherAxes);
+  sensor.check_status = !has(port, kPortIgnoreStatus);
+  sensor.use_pressure = has(port, kPortUsePressure);
+  sensor.byte_time_ns = port.byte_time_ns;
+  return sensor;
+}
+
+hal::WlDvlConfig wldvl_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::WlDvlConfig sensor;
+  sensor.require_checksum = !has(port, kPortAcceptUnchecked);
+  sensor.pd4_ship_axes = has(port, kPortOtherAxes);
+  sensor.byte_time_ns = port.byte_time_ns;
+  return sensor;
+}
+
+hal::Pd0Config pd0_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::Pd0Config sensor;
+  sensor.true_heading = has(port, kPortOtherNorth);
+  sensor.velocity_of_bottom = !has(port, kPortOtherSense);
+  sensor.euler_pitch = has(port, kPortEulerAngles);
+  sensor.byte_time_ns = port.byte_time_ns;
+  return sensor;
 }
 
 hal::KellerConfig keller_config(const PortConfig& port, const DeviceSetup& /*setup*/) {

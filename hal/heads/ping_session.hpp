@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "hal/codec.hpp"
+#include "hal/heads/exchange.hpp"
 #include "hal/heads/ping_protocol.hpp"
 #include "model/base/ping.hpp"
 #include "model/base/units.hpp"

@@ -20,6 +20,7 @@ ByteSource::ByteSource(const std::string& path) : name_(path) {
     stream_ = &std::cin;
     return;
   }
+  path_ = path;
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
     throw HostError(ExitCode::kInput, path + ": is a folder");

@@ -17,6 +17,9 @@ class ByteSource {
   /// From memory, for tests and fuzzing.
   ByteSource(const std::uint8_t* data, std::size_t size);
 
+  /// Of a file; empty for standard input and memory.
+  [[nodiscard]] const std::string& path() const { return path_; }
+
   /// Makes `size` bytes available if there are as many; returns how many there are, at most `size`.
   /// They stay valid until the next call. Throws HostError kInput on a read error.
   std::size_t peek(std::size_t size);
@@ -29,6 +32,7 @@ class ByteSource {
   bool line(std::string* text, std::size_t max_bytes);
 
  private:
+  std::string path_;
   std::string name_;
   std::unique_ptr<std::istream> owned_;
   std::istream* stream_ = nullptr;

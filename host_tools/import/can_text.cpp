@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "host_tools/import/calendar.hpp"
+
 namespace leadline::host {
 namespace {
 
@@ -57,17 +59,6 @@ std::optional<base::TimeUs> seconds_us(std::string_view text) {
   return static_cast<base::TimeUs>(*seconds) * 1'000'000 + fraction_us;
 }
 
-/// Days from 1970-01-01 of a date of the Gregorian calendar.
-std::int64_t days_since_1970(std::int64_t year, std::int64_t month, std::int64_t day) {
-  const std::int64_t y = year - (month <= 2 ? 1 : 0);
-  const std::int64_t era = y / 400;
-  const std::int64_t year_of_era = y - era * 400;
-  const std::int64_t day_of_year = (153 * (month + (month > 2 ? -3 : 9)) + 2) / 5 + day - 1;
-  const std::int64_t day_of_era =
-      year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
-  return era * 146097 + day_of_era - 719468;
-}
-
 /// "2016-02-28T19:57:02.364Z", with 'T', 'Z', '-' or a blank between date and time.
 std::optional<base::TimeUs> date_time_us(std::string_view text) {
   if (text.size() < 19 || text[4] != '-' || text[7] != '-' || text[13] != ':' || text[16] != ':' ||
@@ -86,14 +77,14 @@ std::optional<base::TimeUs> date_time_us(std::string_view text) {
   const auto hour = field(11, 2);
   const auto minute = field(14, 2);
   const auto second_us = seconds_us(text.substr(17));
-  const bool good = year && *year >= 1970 && month && *month >= 1 && *month <= 12 && day &&
-                    *day >= 1 && *day <= 31 && hour && *hour < 24 && minute && *minute < 60 &&
-                    second_us && *second_us < 61'000'000;
-  if (!good) {
+  if (!year || !month || !day || !hour || !minute || !second_us || *second_us >= 61'000'000) {
     return std::nullopt;
   }
-  const std::int64_t minutes = (days_since_1970(*year, *month, *day) * 24 + *hour) * 60 + *minute;
-  return minutes * 60'000'000 + *second_us;
+  const CalendarTime minute_begin = {*year, *month, *day, *hour, *minute, 0};
+  if (!is_calendar_time(minute_begin)) {
+    return std::nullopt;
+  }
+  return unix_us(minute_begin) + *second_us;
 }
 
 std::optional<base::TimeUs> any_time_us(std::string_view text) {

@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 #include <memory>
 #include <utility>
 
@@ -13,7 +11,7 @@
 #include "host_tools/emulate/simulate_flight.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/import/recorded_devices.hpp"
-#include "host_tools/import/sontek_sum.hpp"
+#include "host_tools/import/survey_command.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/progress.hpp"
 #include "host_tools/text.hpp"
@@ -141,45 +139,26 @@ int import_log(const ImportOptions& options) {
   return static_cast<int>(ExitCode::kOk);
 }
 
-std::string file_text(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  if (!file.is_open() || file.bad()) {
-    throw HostError(ExitCode::kInput, path + ": cannot be read");
-  }
-  return text;
+bool ends_with(const std::string& text, const std::string& ending) {
+  return text.size() >= ending.size() &&
+         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
 }
 
+/// What `leadline survey` does, without its questions.
 int import_soundings(const ImportOptions& options) {
-  std::vector<SumSample> samples;
-  std::uint64_t bad_lines = 0;
-  for (const std::string& path : options.soundings) {
-    const SumFile file = parse_sum(file_text(path), path);
-    samples.insert(samples.end(), file.samples.begin(), file.samples.end());
-    bad_lines += file.bad_lines;
-  }
-  if (samples.empty()) {
-    throw HostError(ExitCode::kInput, options.soundings.front() + ": no usable line");
-  }
-  const std::int64_t latitude_e9deg =
-      options.lat_deg ? std::llround(*options.lat_deg * 1e9) : samples.front().latitude_e9deg;
-  const std::int64_t longitude_e9deg =
-      options.lon_deg ? std::llround(*options.lon_deg * 1e9) : samples.front().longitude_e9deg;
-  std::uint64_t out_of_reach = 0;
-  write_file_whole(options.out_path, sum_pings_csv(samples, latitude_e9deg, longitude_e9deg,
-                                                   options.tilt, &out_of_reach));
-  const std::string lat = json_number(static_cast<double>(latitude_e9deg) / 1e9);
-  const std::string lon = json_number(static_cast<double>(longitude_e9deg) / 1e9);
-  if (options.json) {
-    std::cout << "{\n  \"samples\": " << samples.size() << ",\n  \"bad_lines\": " << bad_lines
-              << ",\n  \"out_of_reach\": " << out_of_reach << ",\n  \"lat\": " << lat
-              << ",\n  \"lon\": " << lon << "\n}\n";
-  } else if (options.out_path != "-") {
-    std::cout << options.out_path << ": " << samples.size() << " samples, " << bad_lines
-              << " bad lines, " << out_of_reach << " too far from the origin; [frame] lat = " << lat
-              << ", lon = " << lon << "\n";
-  }
-  return static_cast<int>(ExitCode::kOk);
+  SurveyOptions survey;
+  survey.paths = options.soundings;
+  survey.out_path = options.out_path;
+  survey.origin_lat_deg = options.lat_deg;
+  survey.origin_lon_deg = options.lon_deg;
+  survey.no_check = true;
+  survey.json = options.json;
+  // A summary has neither heave nor height.
+  const bool summaries =
+      std::all_of(survey.paths.begin(), survey.paths.end(),
+                  [](const std::string& path) { return ends_with(path, ".sum"); });
+  survey.geometry.vertical = summaries ? VerticalSource::kNone : VerticalSource::kHeave;
+  return run_survey(survey);
 }
 
 }  // namespace
@@ -193,7 +172,7 @@ int run_import(const ImportOptions& options) {
     usage_error("--lat must be -85 .. 85, --lon -180 .. 180");
   }
   if (options.soundings.empty() == options.records.empty()) {
-    usage_error("give recordings (--record N=FILE) or files of finished soundings (.sum)");
+    usage_error("give recordings (--record N=FILE) or files of soundings (.sum, .xtf)");
   }
   if (!options.soundings.empty()) {
     return import_soundings(options);

@@ -14,12 +14,12 @@ struct ImportOptions {
   std::vector<std::string> records;
   /// "N=SECONDS": added to the times of that port's recording.
   std::vector<std::string> shifts;
-  std::string config_path;             ///< vehicle.toml
-  std::int64_t bytes_per_s = 11'520;   ///< pace of bytes without times, > 0
-  std::vector<std::string> soundings;  ///< files of finished soundings, instead of the above
-  std::optional<double> lat_deg;       ///< origin of the soundings; both or none
+  std::string config_path;            ///< vehicle.toml
+  std::int64_t bytes_per_s = 11'520;  ///< pace of bytes without times, > 0
+  /// Files of soundings (SonTek .sum, XTF), instead of the above: as `leadline survey` with its defaults.
+  std::vector<std::string> soundings;
+  std::optional<double> lat_deg;  ///< origin of the soundings; both or none
   std::optional<double> lon_deg;
-  bool tilt = false;     ///< soundings: roll and pitch of the file count
   std::string out_path;  ///< log, or pings.csv
   bool json = false;
 };

@@ -1,7 +1,6 @@
 #include "host_tools/import/recording.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <string_view>
 #include <utility>
 
@@ -9,6 +8,7 @@
 #include "hal/wire.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/import/can_text.hpp"
+#include "host_tools/import/xtf.hpp"
 
 namespace leadline::host {
 namespace {
@@ -243,53 +243,36 @@ class PingViewerRecording : public Recording {
   base::TimeUs day_us_ = 0;
 };
 
-// XTF: a file header of 1024 bytes (more with many channels, in steps of 1024), then packets.
+// XTF: the reader of `leadline survey`, of which only the head's own packets are wanted here.
 constexpr std::uint8_t kXtfFile = 0x7B;
 constexpr std::size_t kXtfFileHeader_bytes = 1024;
-constexpr std::size_t kXtfPacketHeader_bytes = 14;
-constexpr std::size_t kXtfBathyHeader_bytes = 256;
-constexpr std::uint8_t kXtfR2Sonic = 65;
-constexpr std::uint32_t kMaxXtfPacket_bytes = 1U << 20U;
 
 class XtfRecording : public Recording {
  public:
-  explicit XtfRecording(ByteSource source) : source_(std::move(source)) {
-    source_.skip(source_.peek(kXtfFileHeader_bytes));
-  }
+  explicit XtfRecording(const std::string& path) : reader_(path) {}
   bool next(RecordedBytes* piece) override {
-    while (source_.peek(kXtfPacketHeader_bytes) == kXtfPacketHeader_bytes) {
-      const std::uint8_t* head = source_.data();
-      const std::uint32_t size = hal::read_u32_le(head + 10);
-      const bool starts = head[0] == 0xCE && head[1] == 0xFA && size >= kXtfPacketHeader_bytes &&
-                          size <= kMaxXtfPacket_bytes;
-      if (!starts || source_.peek(size) < size) {
-        ++rejected_["xtf_bytes"];
-        source_.skip(1);
-        continue;
-      }
-      const bool wanted = source_.data()[2] == kXtfR2Sonic && size > kXtfBathyHeader_bytes;
-      if (wanted) {
-        piece->t_us.reset();  // the packet inside brings a better one
-        piece->bytes.assign(source_.data() + kXtfBathyHeader_bytes, source_.data() + size);
-      }
-      source_.skip(size);
-      if (wanted) {
-        trim(&piece->bytes);
+    XtfItem item{};
+    while (reader_.next(&item)) {
+      if (item.kind == XtfItemKind::kR2Sonic) {
+        piece->t_us = item.t_us;
+        piece->bytes.assign(item.bytes, item.bytes + item.size_bytes);
         return true;
       }
     }
+    count("xtf_bytes", reader_.stats().skipped_bytes);
+    count("xtf_packets", reader_.stats().unusable);
+    count("xtf_cut", reader_.stats().cut ? 1 : 0);
     return false;
   }
   [[nodiscard]] const char* container() const override { return "XTF"; }
 
  private:
-  /// Packets are padded to 64 bytes; what is inside says how long it is.
-  static void trim(std::vector<std::uint8_t>* bytes) {
-    if (bytes->size() >= 8 && std::memcmp(bytes->data(), "BTH0", 4) == 0) {
-      bytes->resize(std::min<std::size_t>(bytes->size(), hal::read_u32_be(bytes->data() + 4)));
+  void count(const char* reason, std::uint64_t number) {
+    if (number > 0) {
+      rejected_[reason] = number;
     }
   }
-  ByteSource source_;
+  XtfReader reader_;
 };
 
 std::string first_lines(ByteSource* source, std::size_t size) {
@@ -337,7 +320,7 @@ bool is_tlog(ByteSource* source) {
 }
 
 bool is_xtf(ByteSource* source) {
-  return source->peek(kXtfFileHeader_bytes + 2) == kXtfFileHeader_bytes + 2 &&
+  return !source->path().empty() && source->peek(kXtfFileHeader_bytes) == kXtfFileHeader_bytes &&
          source->data()[0] == kXtfFile;
 }
 
@@ -355,7 +338,7 @@ std::unique_ptr<Recording> open_recording(ByteSource source, Driver driver) {
     return std::make_unique<TlogRecording>(std::move(source));
   }
   if (driver == Driver::kR2sonic && is_xtf(&source)) {
-    return std::make_unique<XtfRecording>(std::move(source));
+    return std::make_unique<XtfRecording>(source.path());
   }
   return std::make_unique<RawRecording>(std::move(source));
 }

@@ -6,7 +6,7 @@
 //   CAN text       a line of hal/can_text.hpp (nmea2000)   frames of hal/can_frame.hpp    of the lines
 //   tlog           u64 BE time, MAVLink frame (mavlink)    the frames                     of the frames
 //   ping-viewer    its own heading (ping1d, ping360)       the frames                     of day
-//   XTF            0x7B, then packets FACE (r2sonic)       BTH0 packets                   of the packets
+//   XTF            a file that begins with 0x7B (r2sonic)  BTH0 packets                   of the packets
 //
 // A `.svlog` is Ping frames one behind the other: raw bytes.
 //

@@ -25,9 +25,9 @@ using leadline::proto::LogWriter;
 
 constexpr std::uint32_t kCycles = 4;
 
-/// Three chunks a cycle, a downlink frame each, and a table of two pieces that nobody flies with.
+/// Three chunks a cycle, a downlink frame each, and a table that nobody flies with.
 std::string small_log() {
-  const std::vector<std::uint8_t> table_bytes(4200, 0x5A);
+  const std::vector<std::uint8_t> table_bytes(300, 0x5A);
   const TableBlock table = {table_bytes.data(), table_bytes.size()};
   std::vector<std::uint8_t> buffer(100'000);
   LogWriter writer(buffer.data(), buffer.size());

@@ -1,4 +1,5 @@
 // Containers of recordings: told apart, taken apart, and searched again behind damage.
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -152,11 +153,14 @@ TEST(ping_viewer_log_out_of_step_gives_its_bytes) {
 }
 
 Bytes xtf_packet(std::uint8_t type, const Bytes& content) {
-  Bytes packet(14, 0);
+  Bytes packet(256, 0);
   packet[0] = 0xCE;
   packet[1] = 0xFA;
   packet[2] = type;
-  packet.resize(256, 0);
+  packet[14] = 0xDF;  // 2015-07-08
+  packet[15] = 0x07;
+  packet[16] = 7;
+  packet[17] = 8;
   append(&packet, content);
   packet.resize((packet.size() + 63) / 64 * 64, 0);
   packet[10] = static_cast<std::uint8_t>(packet.size());
@@ -170,15 +174,24 @@ TEST(xtf_gives_the_packets_inside_and_goes_on_behind_damage) {
   Bytes inner = {'B', 'T', 'H', '0'};
   append(&inner, u32_be(12));
   append(&inner, {1, 2, 3, 4});
-  append(&file, xtf_packet(3, {9, 9}));
+  append(&file, xtf_packet(66, {9, 9}));
   append(&file, xtf_packet(65, inner));
   append(&file, {0xCE, 0xFA, 65, 0, 0});  // a packet that was never finished
   append(&file, xtf_packet(65, inner));
-  const Read result = read(file, Driver::kR2sonic);
-  assert_string_equal(result.container.c_str(), "XTF");
-  assert_int_equal(result.pieces.size(), 2);
-  assert_true(result.pieces[0].bytes == inner && result.pieces[1].bytes == inner);
-  assert_int_equal(result.rejected.at("xtf_bytes"), 5);
+  const std::string path = leadline::test::scratch_directory() + "/line.xtf";
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
+  const auto recording = open_recording(ByteSource(path), Driver::kR2sonic);
+  assert_string_equal(recording->container(), "XTF");
+  RecordedBytes piece;
+  for (int i = 0; i < 2; ++i) {
+    assert_true(recording->next(&piece));
+    assert_true(piece.bytes.size() >= inner.size());
+    assert_memory_equal(piece.bytes.data(), inner.data(), inner.size());
+    assert_true(piece.t_us == 1'436'313'600'000'000);
+  }
+  assert_false(recording->next(&piece));
+  assert_int_equal(recording->rejected().at("xtf_bytes"), 5);
 }
 
 TEST(can_text_gives_frames_and_counts_bad_lines) {
