@@ -20,7 +20,10 @@ constexpr std::int64_t kSettled_q8 = 8;  // a move below 1/32 cell ends the iter
 constexpr int kRuns = 4;
 // No kernel is narrower than half a cell.
 constexpr std::int64_t kLeastSigma_q8 = 128;
+// A ping that passes adds half of what one that ends adds.
 constexpr std::uint64_t kPassedFactor = 2;
+// A run this many times lower than the highest is not looked at.
+constexpr std::uint32_t kNegligible = 128;
 
 // S in Q8, unknown = 128.
 std::int32_t signal_q8(const Voxel& voxel) {
@@ -122,9 +125,35 @@ struct Choice {
   bool rivalled;  // a second run, apart from it, a quarter as credible
 };
 
+// 15 bits, signed: there is an instruction for it.
+std::uint32_t highest(const std::uint16_t* smoothed, std::int32_t depth_cells) {
+  std::int16_t peak = 0;
+  for (std::int32_t k = 0; k < depth_cells; ++k) {
+    peak = max_of(peak, static_cast<std::int16_t>(smoothed[k]));
+  }
+  return static_cast<std::uint32_t>(peak);
+}
+
+// Clears a run and its tails, down to where they rise again or end.
+void clear_hill(std::uint16_t* smoothed, std::int32_t depth_cells, const Run& run) {
+  std::int32_t top = run.top;
+  while (top > 0 && smoothed[top] != 0 && smoothed[top - 1] <= smoothed[top]) {
+    --top;
+  }
+  std::int32_t bottom = run.bottom;
+  while (bottom < depth_cells - 1 && smoothed[bottom] != 0 &&
+         smoothed[bottom + 1] <= smoothed[bottom]) {
+    ++bottom;
+  }
+  for (std::int32_t k = top; k <= bottom; ++k) {
+    smoothed[k] = 0;
+  }
+}
+
 // Clears the runs that it has seen in `smoothed`.
 Choice choose_run(const Voxel* voxels, const std::uint16_t* hits, std::uint16_t* smoothed,
-                  std::int32_t depth_cells, std::uint32_t peak) {
+                  std::int32_t depth_cells, std::uint32_t first_peak) {
+  std::uint32_t peak = first_peak;
   Run runs[kRuns] = {};
   std::uint64_t scores[kRuns] = {};
   int count = 0;
@@ -132,13 +161,9 @@ Choice choose_run(const Voxel* voxels, const std::uint16_t* hits, std::uint16_t*
   for (; count < kRuns && peak != 0; ++count) {
     runs[count] = find_run(hits, smoothed, depth_cells, peak);
     const Run& run = runs[count];
-    for (std::int32_t k = run.top; k <= run.bottom; ++k) {
-      smoothed[k] = 0;
-    }
-    peak = 0;
-    for (std::int32_t k = 0; k < depth_cells; ++k) {
-      peak = max_of<std::uint32_t>(peak, smoothed[k]);
-    }
+    clear_hill(smoothed, depth_cells, run);
+    const std::uint32_t rest = highest(smoothed, depth_cells);
+    peak = rest * kNegligible < first_peak ? 0 : rest;
     // Most columns have one run: nothing to weigh.
     scores[count] = count == 0 && peak == 0 ? 1 : credibility(run, voxels, hits);
     best = scores[count] > scores[best] ? count : best;

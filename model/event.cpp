@@ -402,8 +402,9 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   event.profile_class = profile_class(scaled_q12(patch_along_q30), c11);
   event.blur_q8 = saturate_q8((c11 + c22) / 2 + position_n_q12 + position_e_q12);
   place(event, scale, lateral, centre_n, centre_e, centre_depth_q16, gn * 16, ge * 16);
-  event.growth_q24 =
+  const auto growth_q24 =
       static_cast<std::uint32_t>(min_of<std::int64_t>((growing_q12 << 24) / variance_q12, 1 << 24));
+  event.growth_q24 = growth_q24 < kLeastGrowth_q24 ? 0 : growth_q24;
   event.empty_range_q10 = static_cast<std::int32_t>(range >> 6);
   return event;
 }

@@ -65,6 +65,9 @@ struct Sighting {
   std::int64_t position_variance_q12[3];
 };
 
+/// Below this part of the variance (1/32) nearer shells weigh the same, to 5 %.
+inline constexpr std::uint32_t kLeastGrowth_q24 = 1U << 19U;
+
 /// The shell as columns see it: over column (n, e) of the box it is centred at
 /// depth0 + (n - north0) depth_dn + (e - east0) depth_de, and its lateral coordinates (xi, eta),
 /// normalized to unit variance, run linearly as well.
@@ -79,7 +82,7 @@ struct ShellEvent {
   /// error included; cells^2, saturated.
   std::uint16_t blur_q8;
   /// Part of the shell's variance that goes with the square of the range, pointing and footprint; Q24 of
-  /// 1. Says what a ping that ends nearer would have weighed. 0 in wall mode.
+  /// 1. Says what a ping that ends nearer would have weighed. 0 in wall mode and below kLeastGrowth.
   std::uint32_t growth_q24;
   std::uint8_t level;  ///< kernel level
   std::uint8_t profile_class;

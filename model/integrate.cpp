@@ -241,7 +241,10 @@ Emptiness make_emptiness(std::uint32_t end_q14, std::uint32_t growth_q24, std::i
   return Emptiness{end_q14, growth_q24, (1ULL << 36U) / static_cast<std::uint32_t>(range_q10)};
 }
 
-std::uint32_t empty_strength_q7(const Emptiness& empty, std::int64_t slant_q10) {
+inline std::uint32_t empty_strength_q7(const Emptiness& empty, std::int64_t slant_q10) {
+  if (empty.growth_q24 == 0) {
+    return min_of(empty.end_q14 >> 7U, kMostEmpty_q7);
+  }
   const auto share_q16 = static_cast<std::uint32_t>(min_of<std::uint64_t>(
       (static_cast<std::uint64_t>(slant_q10) * empty.inverse_range_q36) >> 20U, 65536U));
   const std::uint64_t strength_q22 =

@@ -120,9 +120,10 @@ struct Oracle::Shell {
   double half_n = 0.0, half_e = 0.0;
   int level = 0;
   int profile_class = 0;
-  double weight = 0.0;        // units
-  double weight_slack = 0.0;  // share of it that rounding of variances may move
-  double growth = 0.0;        // part of the variance that goes with the square of the range
+  double weight = 0.0;            // units
+  double weight_slack = 0.0;      // share of it that rounding of variances may move
+  bool growth_undecided = false;  // rounding decides whether it is taken for nothing
+  double growth = 0.0;            // part of the variance that goes with the square of the range
   double empty_range = 0.0;
 
   [[nodiscard]] double variance() const { return 0.25 * std::pow(2.0, level / 4.0); }
@@ -225,6 +226,13 @@ Oracle::ColumnDepth Oracle::column_depth(int n, int e) const {
     double run_variance = 0.0;
     for (int k = top; k <= bottom; ++k) {
       run_variance += at(k) * square(k + 0.5 - run_mean) / run_sum;
+    }
+    // Tails, down to where they rise again, are no runs of their own.
+    for (int k = top; k > 0 && free(k - 1) && smooth(k - 1) <= smooth(k); --k) {
+      seen[static_cast<std::size_t>(k - 1)] = true;
+    }
+    for (int k = bottom; k < depth - 1 && free(k + 1) && smooth(k + 1) <= smooth(k); ++k) {
+      seen[static_cast<std::size_t>(k + 1)] = true;
     }
     const double score =
         run_sum * std::max(0.5, std::sqrt(run_variance)) * hit / (hit + 2.0 * miss);
@@ -450,7 +458,8 @@ Oracle::Shell Oracle::shell(const Frame& frame, const Vector& from, double range
     const double growing = pointing * square(first.slope * secant) + beam_along / 8.0;
     level_variance = square(sigma_range_ * vertical) + variance[2] + square(gn) * variance[0] +
                      square(ge) * variance[1] + growing + kFloorVariance;
-    out.growth = growing / level_variance;
+    out.growth = growing / level_variance < 1.0 / 32.0 ? 0.0 : growing / level_variance;
+    out.growth_undecided = std::fabs(growing / level_variance - 1.0 / 32.0) < 2e-3;
     out.weight = kUnits * std::min(1.0, min_variance_ / level_variance);
     out.weight_slack = kVarianceSlack / level_variance;
     b1n = frame.along[0] + gn * frame.along[2];
@@ -666,7 +675,9 @@ void Oracle::carve(const Frame& frame, const Vector& from, const Shell* shell, d
     const double apart = shell == nullptr ? 1.0 : 1.0 - shell->growth * (1.0 - passed);
     const double s = std::min(0.5 * kUnits, strength * std::pow(apart, -1.5));
     // Rounding of variances tells more where little of them is left.
-    const double slack = 3e-3 + (shell == nullptr ? 0.0 : 2.5 * shell->weight_slack / apart);
+    const double least = shell != nullptr && shell->growth_undecided ? 0.06 : 0.0;
+    const double slack =
+        3e-3 + least + (shell == nullptr ? 0.0 : 2.5 * shell->weight_slack / apart);
     if (config_.rule == Rule::kLogOdds) {
       return Both{{0.0, 0.0},
                   {s * beam.value * trust.value,
