@@ -164,6 +164,17 @@ class RealCaptures(unittest.TestCase):
             for column, key in {"v1": "roll_deg", "v2": "pitch_deg", "v3": "yaw_deg"}.items():
                 self.assertAlmostEqual(math.degrees(float(row[column])), record[key], delta=0.01)
 
+    def test_every_intact_ensemble_is_one_velocity(self):
+        for capture in ("RDI_test01.000", "RiverPro_test01.PD0", "vmdas01_wh.ENX",
+                        "winriver02_transect.PD0"):
+            table = rows(f"adcp_dvl_pd0/derived/{capture.replace('.', '_')}_bt.csv")
+            found, summary = records("pd0", data("adcp_dvl_pd0/raw/" + capture))
+            velocities = of_kind(found, "velocity")
+            self.assertEqual(len(velocities), len(table), capture)
+            self.assertEqual(summary["frames"], len(table))
+            for record in velocities:
+                self.assertEqual(record["valid"], record["velocity_m_s"] is not None)
+
     def test_multibeam_in_xtf(self):
         found, summary = records(
             "r2sonic", data("multibeam_r2sonic2026_sfbay/raw/first550pings.xtf"))
