@@ -71,7 +71,7 @@ constexpr DriverSet kAsked =
     of(Driver::kPing1d, Driver::kPing360, Driver::kCerulean, Driver::kImagenex, Driver::kTritech);
 /// Heads that send intensities.
 constexpr DriverSet kProfiles = kAsked;
-constexpr DriverSet kScanners = of(Driver::kPing360, Driver::kImagenex);
+constexpr DriverSet kScanners = of(Driver::kPing360, Driver::kImagenex, Driver::kTritech);
 constexpr DriverSet kEvery = ~DriverSet{0};
 
 // ---- Keys: one line each, with the drivers that have it -----------------------------------------
@@ -88,10 +88,11 @@ struct NumberKey {
   DriverSet drivers;
 };
 
-constexpr std::array<NumberKey, 13> kNumberKeys{{
+constexpr std::array<NumberKey, 15> kNumberKeys{{
     {"latency_ms", &PortConfig::latency_us, -1000, 10'000, 1e3, 0, kEvery},
     {"byte_time_ns", &PortConfig::byte_time_ns, 0, 100'000'000, 1, 0, kEvery},
-    {"interval_ms", &PortConfig::ping_interval_us, 0, 60'000, 1e3, 0, kAsked | of(Driver::kKeller)},
+    {"interval_ms", &PortConfig::ping_interval_us, 0, 60'000, 1e3, 0,
+     kAsked | of(Driver::kKeller, Driver::kTrax)},
     {"scan_first_grad", &PortConfig::scan_first_grad, 0, 399, 1, 0, kScanners},
     {"scan_last_grad", &PortConfig::scan_last_grad, 0, 399, 1, 0, kScanners},
     {"scan_step_grad", &PortConfig::scan_step_grad, 1, 10, 1, 0, kScanners},
@@ -99,6 +100,8 @@ constexpr std::array<NumberKey, 13> kNumberKeys{{
     {"gain", &PortConfig::gain_plus_1, 0, 2, 1, 1, of(Driver::kPing360)},
     {"gain", &PortConfig::gain_plus_1, 0, 100, 1, 1, of(Driver::kCerulean)},
     {"gain", &PortConfig::gain_plus_1, 0, 40, 1, 1, of(Driver::kImagenex)},
+    {"gain", &PortConfig::gain_plus_1, 0, 210, 1, 1, of(Driver::kTritech)},
+    {"frequency_khz", &PortConfig::frequency_khz, 200, 2000, 1, 0, of(Driver::kTritech)},
     {"frequency_khz", &PortConfig::frequency_khz, 500, 1000, 1, 0, of(Driver::kPing360)},
     {"address", &PortConfig::address, 0, 255, 1, 0,
      kAsked | of(Driver::kKeller, Driver::kNmea2000, Driver::kMavlink)},
@@ -113,10 +116,12 @@ struct SwitchKey {
   DriverSet drivers;
 };
 
-constexpr std::array<SwitchKey, 20> kSwitchKeys{{
+constexpr std::array<SwitchKey, 22> kSwitchKeys{{
     {"clockwise", firmware::kPortOtherSense, true, kScanners},
     {"positive_to_port", firmware::kPortOtherSense, true, of(Driver::kCerulean)},
     {"positive_to_starboard", firmware::kPortOtherSense, true, of(Driver::kDeltat83p)},
+    {"columns_to_the_right", firmware::kPortOtherSense, true, of(Driver::kWl3d)},
+    {"rows_upwards", firmware::kPortOtherPitch, true, of(Driver::kWl3d)},
     {"a2_inclusive", firmware::kPortOtherSense, true, of(Driver::kR2sonic)},
     {"heave_up", firmware::kPortOtherSense, true, of(Driver::kNmea2000)},
     {"velocity_of_bottom", firmware::kPortOtherSense, true, of(Driver::kPd0)},
@@ -126,7 +131,8 @@ constexpr std::array<SwitchKey, 20> kSwitchKeys{{
     {"use_variation", firmware::kPortUseVariation, false, of(Driver::kNmea, Driver::kNmea2000)},
     {"prdid_true", firmware::kPortOtherNorth, false, of(Driver::kNmea)},
     {"true_heading", firmware::kPortOtherNorth, false,
-     of(Driver::kDeltat83p, Driver::kVectornav, Driver::kXsens, Driver::kPd0, Driver::kNmea2000)},
+     of(Driver::kDeltat83p, Driver::kVectornav, Driver::kXsens, Driver::kTrax, Driver::kPd0,
+        Driver::kNmea2000)},
     {"true_heading", firmware::kPortOtherNorth, true, of(Driver::kMavlink)},
     {"gauge_pressure", firmware::kPortGaugePressure, false, of(Driver::kNmea, Driver::kKeller)},
     {"pressure_only", firmware::kPortPressureOnly, false, of(Driver::kKeller)},
@@ -135,7 +141,7 @@ constexpr std::array<SwitchKey, 20> kSwitchKeys{{
      of(Driver::kNmea, Driver::kVectornav, Driver::kWldvl)},
     {"euler_angles", firmware::kPortEulerAngles, false, of(Driver::kTss1, Driver::kPd0)},
     {"other_axes", firmware::kPortOtherAxes, false, of(Driver::kXsens, Driver::kWldvl)},
-    {"check_status", firmware::kPortIgnoreStatus, true, of(Driver::kXsens)},
+    {"check_status", firmware::kPortIgnoreStatus, true, of(Driver::kXsens, Driver::kTrax)},
     {"profile", 0, false, of(Driver::kPing1d, Driver::kCerulean, Driver::kImagenex)},
 }};
 
@@ -146,9 +152,10 @@ struct VariantKey {
   std::array<const char*, 6> names;  ///< in the order of the codec's own enumerators; then nulls
 };
 
-constexpr std::array<VariantKey, 3> kVariantKeys{{
+constexpr std::array<VariantKey, 4> kVariantKeys{{
     {Driver::kCerulean, "model", {"listen", "surveyor", "omniscan3d", "omniscan450", "s500"}},
     {Driver::kImagenex, "model", {"auto", "852_sounder", "852_scanner", "881a", "831l"}},
+    {Driver::kTritech, "model", {"listen", "imaging", "profiler"}},
     {Driver::kKeller, "bus", {"modbus", "keller"}},
 }};
 
@@ -262,6 +269,13 @@ void set_port_defaults(const hal::UriSpec& uri, PortConfig* port) {
     port->intensity_scale = IntensityScale::kAmplitude;  // the codec's own work
   } else if (port->driver == Driver::kImagenex) {
     port->gain_plus_1 = hal::ImagenexConfig{}.gain_db + 1;
+  } else if (port->driver == Driver::kTritech) {
+    port->gain_plus_1 = hal::TritechConfig{}.gain + 1;
+    port->frequency_khz = hal::TritechConfig{}.frequency_hz / 1000;
+    port->intensity_scale = IntensityScale::kDecibel;
+    port->intensity_step_mdb = 314;  // 80 dB over 8 bits
+  } else if (port->driver == Driver::kTrax) {
+    port->ping_interval_us = static_cast<std::int32_t>(hal::TraxConfig{}.interval_us);
   } else if (port->driver == Driver::kKeller) {
     port->address = hal::KellerConfig{}.address;
     port->ping_interval_us = hal::KellerConfig{}.poll_interval_us;

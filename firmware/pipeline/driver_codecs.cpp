@@ -110,6 +110,39 @@ hal::ImagenexConfig imagenex_config(const PortConfig& port, const DeviceSetup& /
   return head;
 }
 
+hal::TritechConfig tritech_config(const PortConfig& port, const DeviceSetup& setup) {
+  auto head = head_of<hal::TritechConfig>(port);
+  set(head.head, port.variant_plus_1 - 1, port.variant_plus_1 != 0);
+  set(head.gain, port.gain_plus_1 - 1, port.gain_plus_1 != 0);
+  set(head.frequency_hz, port.frequency_khz * 1000, port.frequency_khz != 0);
+  head.clockwise = !has(port, kPortOtherSense);
+  // Sixteenths of a gradian; the last one counts.
+  constexpr std::int32_t kPerGrad = 16;
+  head.left = port.scan_first_grad * kPerGrad;
+  set(head.right, port.scan_last_grad * kPerGrad + kPerGrad - 1, port.scan_last_grad != 0);
+  set(head.step, port.scan_step_grad * kPerGrad, port.scan_step_grad != 0);
+  head.max_range_um = port.max_range_um;
+  head.sound_speed_mm_s = setup.sound_speed_mm_s;
+  head.byte_time_ns = port.byte_time_ns;
+  return head;
+}
+
+hal::Wl3dConfig wl3d_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  auto head = head_of<hal::Wl3dConfig>(port);
+  head.columns_to_the_right = !has(port, kPortOtherSense);
+  head.rows_upwards = !has(port, kPortOtherPitch);
+  return head;
+}
+
+hal::TraxConfig trax_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::TraxConfig sensor;
+  sensor.true_heading = has(port, kPortOtherNorth);
+  sensor.keep_distorted = has(port, kPortIgnoreStatus);
+  set(sensor.interval_us, port.ping_interval_us, port.ping_interval_us != 0);
+  sensor.byte_time_ns = port.byte_time_ns;
+  return sensor;
+}
+
 hal::Deltat83pConfig deltat83p_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
   auto head = head_of<hal::Deltat83pConfig>(port);
   head.positive_to_starboard = !has(port, kPortOtherSense);

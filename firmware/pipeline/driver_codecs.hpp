@@ -20,6 +20,7 @@
 #include "hal/attitude/nmea.hpp"
 #include "hal/attitude/nmea2000.hpp"
 #include "hal/attitude/pd0.hpp"
+#include "hal/attitude/trax.hpp"
 #include "hal/attitude/tss1.hpp"
 #include "hal/attitude/vectornav.hpp"
 #include "hal/attitude/wldvl.hpp"
@@ -30,6 +31,8 @@
 #include "hal/heads/ping1d.hpp"
 #include "hal/heads/ping360.hpp"
 #include "hal/heads/r2sonic.hpp"
+#include "hal/heads/tritech.hpp"
+#include "hal/heads/wl3d.hpp"
 
 #ifndef LEADLINE_DRIVERS
 #define LEADLINE_DRIVERS 0xFFFFFFFFU
@@ -56,6 +59,9 @@ struct DeviceSetup {
 [[nodiscard]] hal::XsensConfig xsens_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::WlDvlConfig wldvl_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::Pd0Config pd0_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::TritechConfig tritech_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::Wl3dConfig wl3d_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::TraxConfig trax_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::R2SonicConfig r2sonic_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::KellerConfig keller_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::Nmea2000Config nmea2000_config(const PortConfig& port, const DeviceSetup& setup);
@@ -83,6 +89,9 @@ using DriverEntries =
                DriverEntry<Driver::kCerulean, hal::CeruleanCodec, &cerulean_config>,
                DriverEntry<Driver::kImagenex, hal::ImagenexCodec, &imagenex_config>,
                DriverEntry<Driver::kDeltat83p, hal::Deltat83pCodec, &deltat83p_config>,
+               DriverEntry<Driver::kTritech, hal::TritechCodec, &tritech_config>,
+               DriverEntry<Driver::kWl3d, hal::Wl3dCodec, &wl3d_config>,
+               DriverEntry<Driver::kTrax, hal::TraxCodec, &trax_config>,
                DriverEntry<Driver::kR2sonic, hal::R2SonicCodec, &r2sonic_config>,
                DriverEntry<Driver::kTss1, hal::Tss1Codec, &tss1_config>,
                DriverEntry<Driver::kVectornav, hal::VectorNavCodec, &vectornav_config>,
