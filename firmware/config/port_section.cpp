@@ -168,7 +168,7 @@ constexpr std::array<std::pair<const char*, DriverSet>, 7> kOtherKeys{{
     {"uri", kEvery},
     {"optional", kEvery},
     {"driver", kEvery},
-    {"mount", kHeads},
+    {"mount", kEvery},
     {"min_range_mm", kHeads},
     {"max_range_mm", kHeads},
     {"intensity", kProfiles},
@@ -194,7 +194,9 @@ std::vector<std::pair<const char*, DriverSet>> keys_with_drivers() {
 void read_port_mount(const TomlSection& section, const std::vector<std::string>& names,
                      PortConfig* port) {
   if (!section.has("mount")) {
-    if (names.size() > 1) {
+    if (!firmware::is_head(port->driver)) {
+      port->mount = firmware::kNoMount;
+    } else if (names.size() > 1) {
       section.find_missing("mount is missing: which of them carries this head");
     }
     return;
@@ -329,7 +331,6 @@ void read_variant(const TomlSection& section, PortConfig* port) {
 }
 
 void read_head(const TomlSection& section, const PortContext& context, PortConfig* port) {
-  read_port_mount(section, context.mount_names, port);
   read_port_range(section, context.ranges, port);
   if (!contains(kProfiles, port->driver)) {
     return;
@@ -386,6 +387,7 @@ PortSection read_port(const TomlSection& section, const PortContext& context) {
   read_numbers(section, &port);
   read_switches(section, &port);
   read_variant(section, &port);
+  read_port_mount(section, context.mount_names, &port);
   if (firmware::is_head(port.driver)) {
     read_head(section, context, &port);
   }
@@ -398,8 +400,10 @@ void add_port(const PortSection& port, const std::vector<std::string>& mount_nam
   list->text("uri", hal::uri_text(port.uri));
   list->flag("optional", port.optional);
   list->text("driver", driver_name(config.driver));
-  if (firmware::is_head(config.driver)) {
+  if (config.mount != firmware::kNoMount) {
     list->text("mount", mount_names[config.mount]);
+  }
+  if (firmware::is_head(config.driver)) {
     list->integer("min_range_mm", config.min_range_um / 1000);
     list->integer("max_range_mm", config.max_range_um / 1000);
   }

@@ -188,8 +188,9 @@ void read_mount(const TomlSection& section, const std::string& base_dir, Vehicle
   mount.boresight = {bam32_of(boresight_deg[0]), bam32_of(boresight_deg[1]),
                      bam32_of(boresight_deg[2])};
   std::string table;
+  mount.table = firmware::kNoTable;
   if (!section.has("table")) {
-    section.find_missing("table is missing: the beam, made by `leadline table`");
+    // Missing where a head uses the mount: found when the ports are known.
   } else if (section.read_path("table", base_dir, &table)) {
     mount.table = table_number(table, &file->table_paths);
     if (file->table_paths.size() > firmware::kMaxTables) {
@@ -236,6 +237,12 @@ void read_ports(TomlReader* reader, VehicleFile* file) {
   const PortContext context = {file->mount_names, file->ranges};
   for (const TomlSection& section : sections) {
     PortSection port = read_port(section, context);
+    const std::uint8_t mount = port.config.mount;
+    if (firmware::is_head(port.config.driver) && mount < file->mount_names.size() &&
+        file->config.mounts[mount].table == firmware::kNoTable) {
+      section.find_missing("its mount \"" + file->mount_names[mount] +
+                           "\" has no table: the beam, made by `leadline table`");
+    }
     file->config.ports[file->port_uris.size()] = port.config;
     file->port_uris.push_back(std::move(port.uri));
     file->port_optional.push_back(port.optional);
@@ -373,7 +380,9 @@ void add_mounts(const VehicleFile& file, EntryList* list) {
                                      degrees_of(mount.boresight.pitch_bam32),
                                      degrees_of(mount.boresight.heading_bam32)};
     list->raw("boresight_deg", array_text(boresight_deg));
-    list->text("table", file.table_paths[mount.table]);
+    if (mount.table != firmware::kNoTable) {
+      list->text("table", file.table_paths[mount.table]);
+    }
   }
 }
 

@@ -14,7 +14,11 @@ namespace leadline::firmware {
 
 inline constexpr std::uint16_t kVehicleConfigSchemaVersion = 1;
 inline constexpr int kMaxPorts = 8;   ///< device ports, the link not counted
-inline constexpr int kMaxMounts = 8;  ///< one per sonar head
+inline constexpr int kMaxMounts = 8;  ///< of sonar heads and sensors
+/// PortConfig::mount of a sensor at the reference point, in the body's axes.
+inline constexpr std::uint8_t kNoMount = 255;
+/// MountConfig::table of a mount that carries no sonar head.
+inline constexpr std::uint8_t kNoTable = 255;
 /// Localization tables: one per kind of head.
 inline constexpr std::size_t kMaxTables = model::kMaxSensors;
 
@@ -43,7 +47,7 @@ enum class IntensityScale : std::uint8_t {
 
 struct PortConfig {
   Driver driver;
-  std::uint8_t mount;      ///< sonar heads: index into mounts
+  std::uint8_t mount;      ///< index into mounts; sensors: or kNoMount
   std::uint16_t switches;  ///< PortSwitch
   std::int32_t
       latency_us;  ///< from the measured instant to the arrival of the last byte, excess over
@@ -67,11 +71,11 @@ struct PortConfig {
   std::int32_t intensity_step_mdb;  ///< kDecibel: 1 .. 6000
 };
 
-/// Where a head sits and how it looks: body frame FRD from the reference point.
+/// Where a head or sensor sits and how it looks: body frame FRD from the reference point.
 struct MountConfig {
   std::int32_t lever_arm_mm[3];
   base::Attitude boresight;  ///< rotates the mount's frame into the body's
-  std::uint8_t table;        ///< localization table of the head
+  std::uint8_t table;        ///< localization table of the head, or kNoTable
   std::uint8_t reserved[3];
 };
 

@@ -51,8 +51,10 @@ bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
       !within(port.intensity_step_mdb, 0, kLargestStep_mdb)) {
     return false;
   }
-  return !is_head(port.driver) ||
-         (port.mount < mount_count && port.min_range_um >= 0 &&
+  if (!is_head(port.driver)) {
+    return port.mount < mount_count || port.mount == kNoMount;
+  }
+  return (port.mount < mount_count && port.min_range_um >= 0 &&
           port.max_range_um > port.min_range_um && port.max_range_um <= base::kMaxRange_um &&
           port.ping_interval_us >= 0);
 }
@@ -75,6 +77,16 @@ bool ping_sound(const Ping& ping, std::uint16_t mount_count) {
          within(ping.t_transmit_us, -estimator::kMaxTime_us, estimator::kMaxTime_us) &&
          ping.t_receive_us >= ping.t_transmit_us &&
          ping.t_receive_us - ping.t_transmit_us <= 60'000'000;
+}
+
+// What a head says of its own attitude is as mounted as its beams are.
+estimator::SensorMount sensor_mount(const VehicleConfig& config, std::uint8_t port) {
+  const std::uint8_t index = config.ports[port].mount;
+  if (index == kNoMount) {
+    return {};
+  }
+  const MountConfig& mount = config.mounts[index];
+  return {{mount.lever_arm_mm[0], mount.lever_arm_mm[1], mount.lever_arm_mm[2]}, mount.boresight};
 }
 
 }  // namespace
@@ -113,15 +125,20 @@ Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) {
     return Status::kInvalidArgument;
   }
   for (int port = 0; port < config.port_count; ++port) {
-    if (!port_sound(config.ports[port], config.mount_count)) {
+    const PortConfig& each = config.ports[port];
+    if (!port_sound(each, config.mount_count)) {
       return Status::kOutOfRange;
+    }
+    if (is_head(each.driver) && config.mounts[each.mount].table == kNoTable) {
+      return Status::kInvalidArgument;
     }
   }
   for (int mount = 0; mount < config.mount_count; ++mount) {
     if (!mount_sound(config.mounts[mount])) {
       return Status::kOutOfRange;
     }
-    if (config.mounts[mount].table >= config.table_count) {
+    const std::uint8_t table = config.mounts[mount].table;
+    if (table >= config.table_count && table != kNoTable) {
       return Status::kInvalidArgument;
     }
   }
@@ -330,7 +347,7 @@ void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std
         take_ping(record.ping);
       } else {
         ++counters_.nav_samples;
-        navigator_.take(record.sample);
+        navigator_.take(record.sample, sensor_mount(config_, port));
       }
     }
   }

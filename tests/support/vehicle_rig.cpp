@@ -161,6 +161,7 @@ firmware::VehicleConfig rig_config() {
   sonar.max_range_um = 40'000'000;
   sonar.ping_interval_us = 100'000;
   config.ports[kRigNavigation].driver = firmware::Driver::kNmea;
+  config.ports[kRigNavigation].mount = firmware::kNoMount;
   firmware::NavigationConfig& navigation = config.navigation;
   navigation.has_origin = 1;
   navigation.origin_latitude_e9deg = 47'500'000'000;

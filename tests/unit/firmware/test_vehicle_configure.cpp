@@ -1,6 +1,7 @@
 // What a vehicle refuses to be, and what it does before it is anything.
 #include <cstring>
 
+#include "model/base/angle.hpp"
 #include "tests/support/test.hpp"
 #include "tests/support/vehicle_rig.hpp"
 
@@ -12,6 +13,8 @@ using leadline::firmware::CycleOutput;
 using leadline::firmware::Driver;
 using leadline::firmware::InputChunk;
 using leadline::firmware::kMaxCycleBytes;
+using leadline::firmware::kNoMount;
+using leadline::firmware::kNoTable;
 using leadline::firmware::ping_loss_name;
 using leadline::firmware::PingLoss;
 using leadline::firmware::TableBlock;
@@ -63,6 +66,8 @@ TEST(values_out_of_range_are_refused) {
   assert_true(out_of_range([](VehicleConfig& c) { c.ports[0].driver = static_cast<Driver>(200); }));
   assert_true(out_of_range([](VehicleConfig& c) { c.ports[0].latency_us = 20'000'000; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.ports[0].mount = 1; }));
+  assert_true(out_of_range([](VehicleConfig& c) { c.ports[0].mount = kNoMount; }));
+  assert_true(out_of_range([](VehicleConfig& c) { c.ports[1].mount = 1; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.ports[0].max_range_um = 0; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.ports[0].ping_interval_us = -1; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.mounts[0].lever_arm_mm[1] = 2'000'000; }));
@@ -86,6 +91,44 @@ TEST(tables_must_be_there_whole_and_the_first) {
   two.table_count = 2;
   const TableBlock blocks[2] = {{&rig_table(), sizeof(LocalizationTable)}, {&wrong, sizeof(wrong)}};
   assert_int_equal(vehicle.configure(two, blocks, 2), Status::kBadChecksum);
+}
+
+TEST(a_head_needs_a_table_and_a_sensor_does_not) {
+  assert_int_equal(configured([](VehicleConfig& c) { c.mounts[0].table = kNoTable; }),
+                   Status::kInvalidArgument);
+  assert_int_equal(configured([](VehicleConfig& c) {
+                     c.mount_count = 2;
+                     c.mounts[1].table = kNoTable;
+                     c.ports[1].mount = 1;
+                   }),
+                   Status::kOk);
+}
+
+// Antenna, compass and pressure sensor two metres ahead and half a metre above the reference point.
+TEST(a_sensor_s_mount_moves_the_vehicle_behind_it) {
+  leadline::test::RigOptions options;
+  options.seconds = 8;
+  configure_rig(vehicle, rig_config());
+  static_cast<void>(leadline::test::fly(vehicle, options));
+  const leadline::base::Pose at_sensor = vehicle.latest_pose();
+  VehicleConfig config = rig_config();
+  config.mount_count = 2;
+  config.mounts[1].lever_arm_mm[0] = 2'000;
+  config.mounts[1].lever_arm_mm[2] = -500;
+  config.mounts[1].table = kNoTable;
+  config.ports[1].mount = 1;
+  configure_rig(vehicle, config);
+  static_cast<void>(leadline::test::fly(vehicle, options));
+  const leadline::base::Pose at_vehicle = vehicle.latest_pose();
+  assert_true(at_sensor.validity == leadline::base::kPoseAll);
+  const leadline::base::Rotation attitude = leadline::base::rotation_of(at_vehicle.attitude);
+  const leadline::base::Vector3 body = leadline::base::rotated_back(
+      attitude, {at_vehicle.position_um[0] - at_sensor.position_um[0],
+                 at_vehicle.position_um[1] - at_sensor.position_um[1],
+                 at_vehicle.position_um[2] - at_sensor.position_um[2]});
+  assert_in_range(body[0] + 2'100'000, 0, 200'000);  // -2 m ahead, within 0.1 m
+  assert_in_range(body[1] + 100'000, 0, 200'000);
+  assert_in_range(body[2] - 400'000, 0, 200'000);  // 0.5 m below
 }
 
 TEST(configuring_again_forgets_everything) {

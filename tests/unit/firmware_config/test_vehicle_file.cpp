@@ -162,6 +162,7 @@ TEST(every_key_is_read) {
   assert_int_equal(config.ports[1].max_range_um, 40'000'000);
   assert_int_equal(config.ports[2].driver, Driver::kNmea);
   assert_int_equal(config.ports[2].latency_us, 15'000);
+  assert_int_equal(config.ports[2].mount, leadline::firmware::kNoMount);
   assert_int_equal(config.link.rate_bytes_s, 960);
   assert_int_equal(config.link.mtu_bytes, 128);
   assert_int_equal(config.link.status_interval_us, 500'000);
@@ -271,7 +272,7 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
       {kGrid + rest, "a table [[mount]] is missing"},
       {kGrid + "[mount]\nname = \"a\"\n" + rest, "v.toml:5: mount: has to be a table: [[mount]]"},
       {kGrid + "[[mount]]\ntable = \"t\"\n" + rest, "v.toml:5: [[mount]] name is missing"},
-      {kGrid + "[[mount]]\nname = \"a\"\n" + rest, "v.toml:5: [[mount]] table is missing"},
+      {kGrid + "[[mount]]\nname = \"a\"\n" + rest, "[[port]] its mount \\\"a\\\" has no table"},
       {kGrid + kMount + kMount + rest,
        "v.toml:9: [[mount]] name = down: every mount has a name of its own"},
       {kGrid + "[[mount]]\nname = \"\"\ntable = \"t\"\n" + rest, "has a name of its own"},
