@@ -129,6 +129,10 @@ class Framer {
     return false;
   }
 
+  /// The other end is known to have stopped sending: what is buffered gets no more, and nothing reaches
+  /// across. Takes effect with the next call of next().
+  void pause() { pause_at_ = begin_ == end_ ? pause_at_ : end_; }
+
   /// Forgets what is buffered (port closed and opened again); counted as skipped.
   void reset(CodecCounters& counters) {
     skip(end_ - begin_, counters);

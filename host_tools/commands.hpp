@@ -34,5 +34,7 @@ void add_emulate_command(CLI::App* app, CommandRun* run);
 void add_receive_command(CLI::App* app, CommandRun* run);
 void add_replay_command(CLI::App* app, CommandRun* run);
 void add_export_command(CLI::App* app, CommandRun* run);
+void add_survey_command(CLI::App* app, CommandRun* run);
+void add_crosslines_command(CLI::App* app, CommandRun* run);
 
 }  // namespace leadline::host

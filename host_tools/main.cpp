@@ -71,6 +71,8 @@ int main(int argc, char** argv) {
   leadline::host::add_receive_command(&app, &run);
   leadline::host::add_replay_command(&app, &run);
   leadline::host::add_export_command(&app, &run);
+  leadline::host::add_survey_command(&app, &run);
+  leadline::host::add_crosslines_command(&app, &run);
 
   try {
     app.parse(argc, argv);

@@ -82,11 +82,11 @@ std::uint64_t tile_hash(const CodedCell* cells) {
   return hash;
 }
 
-std::uint64_t add_tile_hash(std::uint64_t link_hash, std::uint64_t tile_hash) {
+std::uint64_t add_tile_hash(std::uint64_t cells_hash, std::uint64_t tile_hash) {
   for (unsigned shift = 0; shift < 64; shift += 8) {
-    link_hash = add_byte(link_hash, static_cast<std::uint32_t>((tile_hash >> shift) & 0xFFU));
+    cells_hash = add_byte(cells_hash, static_cast<std::uint32_t>((tile_hash >> shift) & 0xFFU));
   }
-  return link_hash;
+  return cells_hash;
 }
 
 }  // namespace leadline::proto

@@ -85,9 +85,9 @@ inline constexpr std::uint64_t kFnvPrime = 1099511628211U;
 [[nodiscard]] constexpr std::uint32_t fold_hash(std::uint64_t hash) {
   return static_cast<std::uint32_t>(hash >> 32U) ^ static_cast<std::uint32_t>(hash & 0xFFFFFFFFU);
 }
-/// `link_hash` of a map: start with kFnvOffset, then add the tile_hash of every tile of the grid in
+/// `cells_hash` of a map: start with kFnvOffset, then add the tile_hash of every tile of the grid in
 /// order of tile number (tiles never touched too: their cells are unknown), eight bytes each, least
 /// significant first.
-[[nodiscard]] std::uint64_t add_tile_hash(std::uint64_t link_hash, std::uint64_t tile_hash);
+[[nodiscard]] std::uint64_t add_tile_hash(std::uint64_t cells_hash, std::uint64_t tile_hash);
 
 }  // namespace leadline::proto

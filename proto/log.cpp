@@ -230,6 +230,7 @@ Size encode_log_end(const LogEnd& end, std::uint8_t* out, std::size_t capacity_b
   fields.i64(end.t_us);
   fields.u32(end.cycle_count);
   fields.u64(end.map_hash);
+  fields.u64(end.cells_hash);
   fields.u64(end.link_hash);
   fields.u64(end.pings_in);
   fields.u64(end.pings_fused);
@@ -237,7 +238,6 @@ Size encode_log_end(const LogEnd& end, std::uint8_t* out, std::size_t capacity_b
   fields.u64(end.pings_rejected);
   fields.u64(end.cells_sent);
   fields.u64(end.downlink_bytes);
-  fields.u32(end.downlink_crc);
   return fields.result();
 }
 
@@ -250,6 +250,7 @@ base::Result<LogEnd> decode_log_end(const std::uint8_t* payload, std::size_t siz
   end.t_us = fields.i64();
   end.cycle_count = fields.u32();
   end.map_hash = fields.u64();
+  end.cells_hash = fields.u64();
   end.link_hash = fields.u64();
   end.pings_in = fields.u64();
   end.pings_fused = fields.u64();
@@ -257,7 +258,6 @@ base::Result<LogEnd> decode_log_end(const std::uint8_t* payload, std::size_t siz
   end.pings_rejected = fields.u64();
   end.cells_sent = fields.u64();
   end.downlink_bytes = fields.u64();
-  end.downlink_crc = fields.u32();
   if (fields.truncated()) {
     return base::Status::kTruncated;
   }

@@ -1,8 +1,8 @@
 // The recorded log: frames of proto/framing, one record each, the downlink's own frames among them as
 // they were sent. Bit by bit in proto/SPEC.md, "Log".
 //
-//   log = header, config pieces, table pieces, then per cycle: its chunks, the cycle record, the downlink
-//         frames that it made; gaps where something was lost; end
+//   log = header, config pieces, table pieces, the same once more, then per cycle: its chunks, the cycle
+//         record, the downlink frames that it made; gaps where something was lost; end
 //
 // A log that is cut at any byte loses at most its last record; a byte that changed costs one record.
 // Encoders and decoders keep the rules of messages.hpp; spans of decoded records point into the payload.
@@ -94,15 +94,15 @@ struct LogGap {
 struct LogEnd {
   base::TimeUs t_us;
   std::uint32_t cycle_count;
-  std::uint64_t map_hash;   ///< model's, over all voxels
-  std::uint64_t link_hash;  ///< cell.hpp, over all tiles as coded
-  std::uint64_t pings_in;   ///< decoded
+  std::uint64_t map_hash;    ///< model's, over all voxels
+  std::uint64_t cells_hash;  ///< cell.hpp, over all tiles as coded
+  std::uint64_t link_hash;   ///< 64-bit FNV-1a over all downlink bytes in order
+  std::uint64_t pings_in;    ///< decoded
   std::uint64_t pings_fused;
   std::uint64_t pings_shed;
   std::uint64_t pings_rejected;  ///< all other outcomes
   std::uint64_t cells_sent;
   std::uint64_t downlink_bytes;
-  std::uint32_t downlink_crc;  ///< CRC-32C of all downlink bytes in order
 };
 
 [[nodiscard]] base::Result<std::size_t> encode_log_header(const LogHeader& header,

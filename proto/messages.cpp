@@ -111,6 +111,16 @@ bool text_in_range(const Text& text) {
 
 // --- Status
 
+constexpr std::int32_t kMaxPosition_cm = INT32_MAX / 10;  // and -INT32_MIN / 10 alike
+
+bool brief_in_range(const Brief& brief) {
+  bool good = brief.pose_validity <= 7;
+  for (const std::int32_t position : brief.position_cm) {
+    good = good && within(position, -kMaxPosition_cm, kMaxPosition_cm);
+  }
+  return good;
+}
+
 bool status_in_range(const Status& status) {
   bool good = status.port_count <= kMaxStatusPorts && status.pose_validity <= 7;
   for (std::size_t i = 0; good && i < status.port_count; ++i) {
@@ -162,7 +172,9 @@ bool message_type(const std::uint8_t* payload, std::size_t size_bytes, MessageTy
     case MessageType::kTileDelta:
     case MessageType::kStatus:
     case MessageType::kText:
+    case MessageType::kBrief:
     case MessageType::kResendRequest:
+    case MessageType::kHelloRequest:
     case MessageType::kLogHeader:
     case MessageType::kLogConfig:
     case MessageType::kLogTable:
@@ -338,6 +350,92 @@ base::Result<Status> decode_status(const std::uint8_t* payload, std::size_t size
   return status;
 }
 
+// --- Brief
+
+Brief brief_of(const Status& status) {
+  Brief brief{};
+  brief.t_ms = static_cast<std::uint32_t>((status.t_us / 1000) & 0xFFFFFFFF);
+  brief.alarms = status.alarms;
+  brief.pose_validity = status.pose_validity;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    brief.position_cm[axis] = status.position_mm[axis] / 10;
+  }
+  brief.heading_bam16 = status.heading_bam16;
+  brief.sigma_horizontal_cm =
+      base::max_of(status.sigma_position_cm[base::kNorth], status.sigma_position_cm[base::kEast]);
+  brief.pings_fused = status.pings[kPingFused];
+  brief.tiles_known = status.tiles_known;
+  brief.tiles_dirty = status.tiles_dirty;
+  brief.cells_sent = status.cells_sent;
+  return brief;
+}
+
+void apply_brief(const Brief& brief, Status& status) {
+  const std::uint32_t ahead_ms = brief.t_ms - brief_of(status).t_ms;
+  status.t_us += base::TimeUs{static_cast<std::int32_t>(ahead_ms)} * 1000;
+  status.alarms = brief.alarms;
+  status.pose_validity = brief.pose_validity;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    status.position_mm[axis] = brief.position_cm[axis] * 10;
+  }
+  status.heading_bam16 = brief.heading_bam16;
+  status.sigma_position_cm[base::kNorth] = brief.sigma_horizontal_cm;
+  status.sigma_position_cm[base::kEast] = brief.sigma_horizontal_cm;
+  status.pings[kPingFused] = brief.pings_fused;
+  status.tiles_known = brief.tiles_known;
+  status.tiles_dirty = brief.tiles_dirty;
+  status.cells_sent = brief.cells_sent;
+}
+
+base::Result<std::size_t> encode_brief(const Brief& brief, std::uint8_t* out,
+                                       std::size_t capacity_bytes) {
+  if (!brief_in_range(brief)) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kBrief));
+  fields.u32(brief.t_ms);
+  fields.varint(brief.alarms);
+  fields.u8(brief.pose_validity);
+  for (const std::int32_t position : brief.position_cm) {
+    fields.zigzag(position);
+  }
+  fields.u16(brief.heading_bam16);
+  fields.u16(brief.sigma_horizontal_cm);
+  fields.varint(brief.pings_fused);
+  fields.varint(brief.tiles_known);
+  fields.varint(brief.tiles_dirty);
+  fields.varint(brief.cells_sent);
+  return fields.result();
+}
+
+base::Result<Brief> decode_brief(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kBrief)) {
+    return base::Status::kInvalidArgument;
+  }
+  Brief brief{};
+  brief.t_ms = fields.u32();
+  brief.alarms = fields.varint();
+  brief.pose_validity = fields.u8();
+  for (std::int32_t& position : brief.position_cm) {
+    position = fields.zigzag();
+  }
+  brief.heading_bam16 = fields.u16();
+  brief.sigma_horizontal_cm = fields.u16();
+  brief.pings_fused = fields.varint();
+  brief.tiles_known = fields.varint();
+  brief.tiles_dirty = fields.varint();
+  brief.cells_sent = fields.varint();
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  if (!brief_in_range(brief)) {
+    return base::Status::kOutOfRange;
+  }
+  return brief;
+}
+
 // --- Text
 
 Text make_text(base::TimeUs t_us, Severity severity, const char* text) {
@@ -449,6 +547,19 @@ base::Result<ResendRequest> decode_resend_request(const std::uint8_t* payload,
     return fields.status();
   }
   return request;
+}
+
+// --- Hello request
+
+base::Result<std::size_t> encode_hello_request(std::uint8_t* out, std::size_t capacity_bytes) {
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kHelloRequest));
+  return fields.result();
+}
+
+bool is_hello_request(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  return opens_as(fields, MessageType::kHelloRequest);
 }
 
 }  // namespace leadline::proto

@@ -29,7 +29,9 @@ enum class MessageType : std::uint8_t {
   kTileDelta = 0x02,  ///< tile_coder.hpp
   kStatus = 0x03,
   kText = 0x04,
+  kBrief = 0x05,
   kResendRequest = 0x40,
+  kHelloRequest = 0x41,
   kLogHeader = 0x80,  ///< log.hpp, all of 0x80 on
   kLogConfig = 0x81,
   kLogTable = 0x82,
@@ -173,6 +175,31 @@ inline constexpr std::size_t kMaxStatus_bytes = 64 + 5 * 40 + 21 * kMaxStatusPor
 [[nodiscard]] base::Result<Status> decode_status(const std::uint8_t* payload,
                                                  std::size_t size_bytes);
 
+// --- Brief: what of a status the pilot and the topside want at once; most statuses are briefs
+
+struct Brief {
+  std::uint32_t t_ms;  ///< of the cycle: t_us / 1000 modulo 2^32
+  std::uint32_t alarms;
+  std::uint8_t pose_validity;         ///< base::PoseValidity bits
+  std::int32_t position_cm[3];        ///< NED, rounded towards 0
+  std::uint16_t heading_bam16;        ///< 2^16 = one turn
+  std::uint16_t sigma_horizontal_cm;  ///< larger of north and east; saturates
+  std::uint32_t pings_fused;
+  std::uint32_t tiles_known;
+  std::uint32_t tiles_dirty;
+  std::uint32_t cells_sent;
+};
+
+inline constexpr std::size_t kMaxBrief_bytes = 51;
+
+[[nodiscard]] Brief brief_of(const Status& status);
+/// What the brief says of them becomes the status's fields; the others stay. Its time stays within 2^31 ms of
+/// the status's.
+void apply_brief(const Brief& brief, Status& status);
+[[nodiscard]] base::Result<std::size_t> encode_brief(const Brief& brief, std::uint8_t* out,
+                                                     std::size_t capacity_bytes);
+[[nodiscard]] base::Result<Brief> decode_brief(const std::uint8_t* payload, std::size_t size_bytes);
+
 // --- Text: a line for the pilot
 
 inline constexpr std::size_t kMaxText_bytes = 200;
@@ -216,5 +243,11 @@ inline constexpr std::size_t kMaxResendRequest_bytes = 4 + 8 * kMaxResendRanges;
                                                               std::size_t capacity_bytes);
 [[nodiscard]] base::Result<ResendRequest> decode_resend_request(const std::uint8_t* payload,
                                                                 std::size_t size_bytes);
+
+// --- Hello request (uplink): a topside that knows no hello asks for one. No fields
+
+[[nodiscard]] base::Result<std::size_t> encode_hello_request(std::uint8_t* out,
+                                                             std::size_t capacity_bytes);
+[[nodiscard]] bool is_hello_request(const std::uint8_t* payload, std::size_t size_bytes);
 
 }  // namespace leadline::proto

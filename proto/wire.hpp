@@ -32,6 +32,11 @@ class ByteWriter {
     }
     u8(static_cast<std::uint8_t>(value));
   }
+  /// Signed: d >= 0 as 2d, d < 0 as -2d - 1.
+  void zigzag(std::int32_t value) {
+    const auto doubled = static_cast<std::uint32_t>(value) << 1U;
+    varint(value < 0 ? ~doubled : doubled);
+  }
   void bytes(const void* data, std::size_t size_bytes) {
     if (size_bytes > capacity_ - size_) {
       full_ = true;
@@ -97,6 +102,10 @@ class ByteReader {
     return 0;
   }
   /// The next bytes in place; null when there are fewer.
+  std::int32_t zigzag() {
+    const std::uint32_t code = varint();
+    return static_cast<std::int32_t>((code & 1U) != 0 ? ~(code >> 1U) : code >> 1U);
+  }
   const std::uint8_t* bytes(std::size_t size_bytes) {
     if (size_bytes > left_) {
       truncated_ = true;

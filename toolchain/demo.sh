@@ -13,7 +13,8 @@
 #   depth.tif depth.asc sigma.asc   the received map as rasters
 #   summary.json                    coverage, rmse_m, bias_m, p95_m: received map against the truth, where
 #                                   any ray met the ground; pings_per_s: pings mapped per second of the
-#                                   vehicle's CPU; bytes_per_changed_cell: framing included;
+#                                   vehicle's CPU; bytes_per_changed_cell: of tile deltas, framing
+#                                   included; bytes_per_changed_cell_all: of everything on the link;
 #                                   topside_equals_vehicle: every cell, by hash; log: the recorded flight,
 #                                   relative to the project
 #   table.txt                       errors of the map, and of the usual griddings of the same pings
@@ -134,8 +135,9 @@ summary = {
     "p95_m": compare["p95_m"],
     "pings_per_s": round(vehicle["pings_mapped"] / cpu_s, 1),
     "bytes_per_changed_cell": round(topside["bytes_per_changed_cell"], 4),
+    "bytes_per_changed_cell_all": round(topside["bytes_per_changed_cell_all"], 4),
     # Three computed it on their own: the vehicle, the topside, the replay.
-    "topside_equals_vehicle": topside["link_hash"] == vehicle["cells_hash"] == replay["link_hash"],
+    "topside_equals_vehicle": topside["cells_hash"] == vehicle["cells_hash"] == replay["cells_hash"],
     "log": sys.argv[3],
 }
 text = json.dumps(summary, indent=2)

@@ -13,8 +13,7 @@ Arrows (folder: what it may include with #include "..."):
   firmware/pipeline     itself, model, estimator, proto, hal/{heads,attitude},
                         hal/{ports,wire,codec,can_frame}.hpp
   firmware/config       itself, firmware/pipeline, model, proto, hal
-  host_tools            host_tools, proto, model, estimator, firmware/{pipeline,config},
-                        hal/{heads,attitude,linux,emu}
+  host_tools            host_tools, proto, model, estimator, firmware/{pipeline,config}, hal
   tests                 anything
   toolchain             nothing of ours
 
@@ -49,7 +48,7 @@ ARROWS = {
     "firmware/config": ["firmware/config", "firmware/pipeline", "model", "proto", "hal"],
     "host_tools": [
         "host_tools", "proto", "model", "estimator", "firmware/pipeline", "firmware/config",
-        "hal/heads", "hal/attitude", "hal/linux", "hal/emu",
+        "hal",
     ],
     "tests": None,
     "toolchain": ["toolchain"],

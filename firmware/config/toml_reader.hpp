@@ -75,6 +75,10 @@ class TomlSection {
                                         std::size_t fallback) const {
     return choose(key, names.data(), N, fallback);
   }
+  [[nodiscard]] std::size_t read_choice(const char* key, const char* const* names,
+                                        std::size_t count, std::size_t fallback) const {
+    return choose(key, names, count, fallback);
+  }
   /// UTF-8 text of at most `max_bytes` without control characters.
   bool read_text(const char* key, std::size_t max_bytes, std::string* value) const;
   /// Name of a file, not empty; a relative one is relative to `base_dir` ("" leaves it as it is).

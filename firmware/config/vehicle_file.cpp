@@ -7,49 +7,16 @@
 #include <limits>
 #include <utility>
 
+#include "firmware/config/entry_list.hpp"
 #include "firmware/config/exit_codes.hpp"
+#include "firmware/config/port_section.hpp"
 #include "firmware/config/table_file.hpp"
 #include "firmware/config/text.hpp"
-#include "firmware/pipeline/driver_codecs.hpp"
 
 namespace leadline::host {
 namespace {
 
-using firmware::Driver;
-using firmware::driver_name;
 using firmware::MountConfig;
-using firmware::PortConfig;
-
-constexpr std::size_t enabled_driver_count() {
-  std::size_t count = 0;
-  for (const firmware::DriverInfo& info : firmware::kDrivers) {
-    count += firmware::driver_enabled(info.driver) ? 1U : 0U;
-  }
-  return count;
-}
-
-/// Those that this program carries.
-constexpr std::array<firmware::DriverInfo, enabled_driver_count()> enabled_drivers() {
-  std::array<firmware::DriverInfo, enabled_driver_count()> enabled{};
-  std::size_t count = 0;
-  for (const firmware::DriverInfo& info : firmware::kDrivers) {
-    if (firmware::driver_enabled(info.driver)) {
-      enabled[count] = info;
-      ++count;
-    }
-  }
-  return enabled;
-}
-constexpr auto kEnabledDrivers = enabled_drivers();
-
-constexpr std::array<const char*, kEnabledDrivers.size()> enabled_names() {
-  std::array<const char*, kEnabledDrivers.size()> names{};
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    names[i] = kEnabledDrivers[i].name;
-  }
-  return names;
-}
-constexpr auto kDriverNames = enabled_names();
 
 constexpr double kBamPerDegree = 4294967296.0 / 360.0;
 constexpr double kUradPerDegree = 3.14159265358979323846 / 180.0 * 1e6;
@@ -75,39 +42,24 @@ std::vector<KnownTable> known_tables() {
       {"frame", frame_keys(), false},
       {"cycle", {"period_ms", "voxel_budget", "tile_budget", "ping_voxel_budget"}, false},
       {"mount", {"name", "lever_arm_mm", "boresight_deg", "table"}, true},
-      {"port",
-       {"uri", "driver", "mount", "latency_ms", "interval_ms", "min_range_mm", "max_range_mm",
-        "profile", "scan_first_grad", "scan_last_grad", "scan_step_grad"},
-       true},
+      {"port", port_keys(), true},
       {"link",
-       {"uri", "rate_bytes_s", "baud", "mtu_bytes", "status_interval_s", "hello_interval_s"},
+       {"uri", "optional", "rate_bytes_s", "baud", "mtu_bytes", "status_interval_s",
+        "hello_interval_s", "max_tile_age_s"},
        false},
       {"log", {"path", "max_bytes"}, false},
   };
-}
-
-/// A decimal in the file's unit, `scale` integer units each.
-void read_scaled(const TomlSection& section, const char* key, const Limits& limits, double scale,
-                 std::int32_t* value) {
-  double number = 0;
-  if (section.read_number(key, limits, &number)) {
-    *value = static_cast<std::int32_t>(std::llround(number * scale));
-  }
-}
-
-template <typename T>
-void read_whole(const TomlSection& section, const char* key, const Limits& limits, T* value) {
-  std::int64_t number = 0;
-  if (section.read_integer(key, limits, &number)) {
-    *value = static_cast<T>(number);
-  }
 }
 
 base::Bam32 bam32_of(double degrees) {
   return static_cast<base::Bam32>(std::llround(degrees * kBamPerDegree));
 }
 
-double degrees_of(base::Bam32 angle) { return static_cast<std::int32_t>(angle) / kBamPerDegree; }
+/// As somebody would have written it: the shortest that becomes the same angle.
+double degrees_of(base::Bam32 angle) {
+  return shortest_number(static_cast<std::int32_t>(angle) / kBamPerDegree,
+                         [angle](double degrees) { return bam32_of(degrees) == angle; });
+}
 
 /// Default beside the field it belongs to: what stands in the example file.
 void set_defaults(VehicleFile* file) {
@@ -130,13 +82,16 @@ void set_defaults(VehicleFile* file) {
   config.link.rate_bytes_s = 125'000;
   config.link.mtu_bytes = 1200;
   config.link.status_interval_us = 1'000'000;
-  config.link.hello_interval_us = 10'000'000;
+  config.link.hello_interval_us = 30'000'000;
+  config.link.max_tile_age_us = 1'500'000;
 }
 
 void read_survey(TomlReader* reader, VehicleFile* file) {
   const TomlSection section = reader->section("survey");
   read_whole(section, "id", {0, 9'007'199'254'740'991}, &file->config.survey_id);
-  section.read_text("name", 64, &file->survey_name);
+  std::string name;
+  section.read_text("name", firmware::kMaxConfigText_bytes, &name);
+  name.copy(file->config.survey_name, firmware::kMaxConfigText_bytes);
 }
 
 /// The limits of the codecs are tighter than map.toml's: water only.
@@ -179,6 +134,8 @@ void read_frame_of_vehicle(TomlReader* reader, VehicleFile* file) {
   file->frame = read_frame(reader);
   const FrameConfig& frame = file->frame;
   file->config.epsg = frame.epsg.value_or(0);
+  frame.vertical_datum.value_or("").copy(file->config.vertical_datum,
+                                         firmware::kMaxConfigText_bytes);
   if (!frame.lat_deg || !frame.lon_deg) {
     return;
   }
@@ -271,122 +228,17 @@ void read_mounts(TomlReader* reader, const std::string& base_dir, VehicleFile* f
   file->config.table_count = static_cast<std::uint16_t>(file->table_paths.size());
 }
 
-bool read_uri(const TomlSection& section, hal::UriSpec* spec) {
-  std::string text;
-  if (!section.has("uri")) {
-    section.find_missing("uri is missing");
-    return false;
-  }
-  if (!section.read_text("uri", 512, &text)) {
-    return false;
-  }
-  hal::UriResult result = hal::parse_uri(text);
-  if (!result.ok()) {
-    section.find("uri", "uri = " + printable(result.error, 400));
-    return false;
-  }
-  *spec = std::move(result.spec);
-  return true;
-}
-
-void read_port_mount(const TomlSection& section, const VehicleFile& file, PortConfig* port) {
-  const auto& names = file.mount_names;
-  if (!section.has("mount")) {
-    if (names.size() > 1) {
-      section.find_missing("mount is missing: which of them carries this head");
-    }
-    return;
-  }
-  std::string name;
-  if (!section.read_text("mount", 32, &name)) {
-    return;
-  }
-  const auto known = std::find(names.begin(), names.end(), name);
-  if (known == names.end()) {
-    const std::string near = closest_name(name, names);
-    section.refuse("mount", "there is no [[mount]] of that name" +
-                                (near.empty() ? "" : "; did you mean \"" + near + "\"?"));
-    return;
-  }
-  port->mount = static_cast<std::uint8_t>(known - names.begin());
-}
-
-void read_port_range(const TomlSection& section, const SonarRanges& ranges, PortConfig* port) {
-  constexpr auto kRange_mm = static_cast<double>(base::kMaxRange_um / 1000);
-  std::int64_t min_mm = ranges.min_range_mm;
-  std::int64_t max_mm = ranges.max_range_mm;
-  section.read_integer("min_range_mm", {0, kRange_mm}, &min_mm);
-  section.read_integer("max_range_mm", {1, kRange_mm}, &max_mm);
-  if (min_mm >= max_mm && (section.has("min_range_mm") || section.has("max_range_mm"))) {
-    section.find(section.has("min_range_mm") ? "min_range_mm" : "max_range_mm",
-                 "min_range_mm = " + std::to_string(min_mm) +
-                     " has to be below max_range_mm = " + std::to_string(max_mm));
-  }
-  port->min_range_um = min_mm * 1000;
-  port->max_range_um = max_mm * 1000;
-}
-
-void read_scan(const TomlSection& section, PortConfig* port) {
-  port->scan_last_grad = 399;
-  port->scan_step_grad = 1;
-  read_whole(section, "scan_first_grad", {0, 399}, &port->scan_first_grad);
-  read_whole(section, "scan_last_grad", {0, 399}, &port->scan_last_grad);
-  read_whole(section, "scan_step_grad", {1, 10}, &port->scan_step_grad);
-}
-
-/// Keys that say nothing to this driver are mistakes of whoever wrote them.
-void refuse_foreign_keys(const TomlSection& section, Driver driver) {
-  const auto refuse = [&](const char* key, bool allowed) {
-    if (!allowed && section.has(key)) {
-      section.refuse(key, std::string("driver \"") + driver_name(driver) + "\" has no such key");
-    }
-  };
-  const bool head = firmware::is_head(driver);
-  for (const char* const key : {"mount", "interval_ms", "min_range_mm", "max_range_mm"}) {
-    refuse(key, head);
-  }
-  refuse("profile", driver == Driver::kPing1d);
-  for (const char* const key : {"scan_first_grad", "scan_last_grad", "scan_step_grad"}) {
-    refuse(key, driver == Driver::kPing360);
-  }
-}
-
-void read_port(const TomlSection& section, VehicleFile* file) {
-  PortConfig port{};
-  hal::UriSpec uri;
-  read_uri(section, &uri);
-  if (!section.has("driver")) {
-    section.find_missing("driver is missing: \"ping1d\", \"ping360\" or \"nmea\"");
-  }
-  const std::size_t driver = section.read_choice("driver", kDriverNames, kDriverNames.size());
-  if (driver < kDriverNames.size()) {
-    port.driver = kEnabledDrivers[driver].driver;
-    refuse_foreign_keys(section, port.driver);
-  }
-  read_scaled(section, "latency_ms", {-1000, 10'000}, 1e3, &port.latency_us);
-  if (firmware::is_head(port.driver)) {
-    read_port_mount(section, *file, &port);
-    read_port_range(section, file->ranges, &port);
-    port.ping_interval_us = port.driver == Driver::kPing1d ? 100'000 : 0;
-    read_scaled(section, "interval_ms", {0, 60'000}, 1e3, &port.ping_interval_us);
-    bool profile = port.driver == Driver::kPing360;
-    section.read_bool("profile", &profile);
-    port.profile = profile ? 1 : 0;
-  }
-  if (port.driver == Driver::kPing360) {
-    read_scan(section, &port);
-  }
-  file->config.ports[file->port_uris.size()] = port;
-  file->port_uris.push_back(std::move(uri));
-}
-
 void read_ports(TomlReader* reader, VehicleFile* file) {
   const std::vector<TomlSection> sections = reader->sections("port");
   if (!check_count(reader, "port", sections.size(), firmware::kMaxPorts)) {
     return;
   }
+  const PortContext context = {file->mount_names, file->ranges};
   for (const TomlSection& section : sections) {
-    read_port(section, file);
+    PortSection port = read_port(section, context);
+    file->config.ports[file->port_uris.size()] = port.config;
+    file->port_uris.push_back(std::move(port.uri));
+    file->port_optional.push_back(port.optional);
   }
   file->config.port_count = static_cast<std::uint16_t>(sections.size());
 }
@@ -401,6 +253,7 @@ void read_link(TomlReader* reader, VehicleFile* file) {
     return;
   }
   read_uri(section, &file->link_uri);
+  section.read_bool("optional", &file->link_optional);
   read_whole(section, "rate_bytes_s", {10, 125'000'000}, &link.rate_bytes_s);
   std::int64_t baud = 0;
   if (section.read_integer("baud", {100, 1'250'000'000}, &baud)) {
@@ -409,7 +262,7 @@ void read_link(TomlReader* reader, VehicleFile* file) {
   if (section.has("baud") && section.has("rate_bytes_s")) {
     section.find("baud", "baud and rate_bytes_s say the same: give one of them");
   }
-  read_whole(section, "mtu_bytes", {64, 1400}, &link.mtu_bytes);
+  read_whole(section, "mtu_bytes", {128, 1400}, &link.mtu_bytes);
   const auto read_seconds = [&](const char* key, std::uint32_t* value_us) {
     double seconds = 0;
     if (section.read_number(key, {0, 3600, true}, &seconds)) {
@@ -418,6 +271,10 @@ void read_link(TomlReader* reader, VehicleFile* file) {
   };
   read_seconds("status_interval_s", &link.status_interval_us);
   read_seconds("hello_interval_s", &link.hello_interval_us);
+  double age_s = 0;
+  if (section.read_number("max_tile_age_s", {0, 60}, &age_s)) {
+    link.max_tile_age_us = static_cast<std::uint32_t>(std::llround(age_s * 1e6));
+  }
 }
 
 void read_log(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
@@ -437,33 +294,16 @@ void read_log(TomlReader* reader, const std::string& base_dir, VehicleFile* file
 
 // ---- Writing ------------------------------------------------------------------------------------
 
-/// The resolved configuration as the entries of both writers.
-class EntryList {
- public:
-  void in(const std::string& table, int element = -1) {
-    table_ = table;
-    element_ = element;
-  }
-  void text(const char* key, const std::string& value) { raw(key, json_string(value)); }
-  void integer(const char* key, std::int64_t value) { raw(key, std::to_string(value)); }
-  void number(const char* key, double value) { raw(key, json_number(value)); }
-  void raw(const char* key, const std::string& value) {
-    entries_.push_back({table_, key, value, element_});
-  }
-  [[nodiscard]] const std::vector<ConfigEntry>& entries() const { return entries_; }
-
- private:
-  std::string table_;
-  int element_ = -1;
-  std::vector<ConfigEntry> entries_;
-};
+std::string text_of(const char (&text)[firmware::kMaxConfigText_bytes]) {
+  return {text, std::find(text, text + sizeof text, '\0')};
+}
 
 void add_survey(const VehicleFile& file, EntryList* list) {
   list->in("");
   list->integer("schema_version", kVehicleSchemaVersion);
   list->in("survey");
   list->integer("id", static_cast<std::int64_t>(file.config.survey_id));
-  list->text("name", file.survey_name);
+  list->text("name", text_of(file.config.survey_name));
   list->in("grid");
   list->integer("cell_mm", file.grid.cell_mm);
   list->raw("size", array_text(file.grid.size));
@@ -486,17 +326,17 @@ void add_navigation(const VehicleFile& file, EntryList* list) {
   list->number("magnetic_variation_deg",
                degrees_of(static_cast<base::Bam32>(navigation.magnetic_variation_bam32)));
   list->integer("surface_pressure_pa", navigation.surface_pressure_pa);
-  list->number("water_density_kg_m3", navigation.water_density_g_m3 / 1e3);
-  list->number("gravity_m_s2", navigation.gravity_um_s2 / 1e6);
+  list->scaled("water_density_kg_m3", navigation.water_density_g_m3, 1e3);
+  list->scaled("gravity_m_s2", navigation.gravity_um_s2, 1e6);
   list->integer("sigma_fix_mm", navigation.sigma_fix_mm);
   list->integer("sigma_depth_mm", navigation.sigma_depth_mm);
-  list->number("sigma_attitude_deg", navigation.sigma_attitude_urad / kUradPerDegree);
-  list->number("sigma_heading_deg", navigation.sigma_heading_urad / kUradPerDegree);
+  list->scaled("sigma_attitude_deg", navigation.sigma_attitude_urad, kUradPerDegree);
+  list->scaled("sigma_heading_deg", navigation.sigma_heading_urad, kUradPerDegree);
   list->integer("acceleration_mm_s2", navigation.acceleration_mm_s2);
-  list->number("angular_acceleration_deg_s2",
-               navigation.angular_acceleration_urad_s2 / kUradPerDegree);
-  list->number("max_gap_ms", navigation.max_gap_us / 1e3);
-  list->number("max_wait_ms", navigation.max_wait_us / 1e3);
+  list->scaled("angular_acceleration_deg_s2", navigation.angular_acceleration_urad_s2,
+               kUradPerDegree);
+  list->scaled("max_gap_ms", navigation.max_gap_us, 1e3);
+  list->scaled("max_wait_ms", navigation.max_wait_us, 1e3);
 }
 
 void add_model(const VehicleFile& file, EntryList* list) {
@@ -517,7 +357,7 @@ void add_model(const VehicleFile& file, EntryList* list) {
     list->text("vertical_datum", *file.frame.vertical_datum);
   }
   list->in("cycle");
-  list->number("period_ms", file.cycle_us / 1e3);
+  list->scaled("period_ms", file.cycle_us, 1e3);
   list->integer("voxel_budget", file.config.cycle_voxel_budget);
   list->integer("tile_budget", file.config.cycle_tile_budget);
   list->integer("ping_voxel_budget", file.ping_voxel_budget);
@@ -537,44 +377,26 @@ void add_mounts(const VehicleFile& file, EntryList* list) {
   }
 }
 
-void add_ports(const VehicleFile& file, EntryList* list) {
-  for (std::size_t i = 0; i < file.port_uris.size(); ++i) {
-    const PortConfig& port = file.config.ports[i];
-    list->in("port", static_cast<int>(i));
-    list->text("uri", hal::uri_text(file.port_uris[i]));
-    list->text("driver", driver_name(port.driver));
-    list->number("latency_ms", port.latency_us / 1e3);
-    if (!firmware::is_head(port.driver)) {
-      continue;
-    }
-    list->text("mount", file.mount_names[port.mount]);
-    list->number("interval_ms", port.ping_interval_us / 1e3);
-    list->integer("min_range_mm", port.min_range_um / 1000);
-    list->integer("max_range_mm", port.max_range_um / 1000);
-    if (port.driver == Driver::kPing1d) {
-      list->raw("profile", port.profile != 0 ? "true" : "false");
-      continue;
-    }
-    list->integer("scan_first_grad", port.scan_first_grad);
-    list->integer("scan_last_grad", port.scan_last_grad);
-    list->integer("scan_step_grad", port.scan_step_grad);
-  }
-}
-
 std::vector<ConfigEntry> entries_of(const VehicleFile& file) {
   EntryList list;
   add_survey(file, &list);
   add_navigation(file, &list);
   add_model(file, &list);
   add_mounts(file, &list);
-  add_ports(file, &list);
+  for (std::size_t i = 0; i < file.port_uris.size(); ++i) {
+    list.in("port", static_cast<int>(i));
+    add_port({file.config.ports[i], file.port_uris[i], file.port_optional[i]}, file.mount_names,
+             &list);
+  }
   const firmware::LinkConfig& link = file.config.link;
   list.in("link");
   list.text("uri", hal::uri_text(file.link_uri));
+  list.flag("optional", file.link_optional);
   list.integer("rate_bytes_s", link.rate_bytes_s);
   list.integer("mtu_bytes", link.mtu_bytes);
-  list.number("status_interval_s", link.status_interval_us / 1e6);
-  list.number("hello_interval_s", link.hello_interval_us / 1e6);
+  list.scaled("status_interval_s", link.status_interval_us, 1e6);
+  list.scaled("hello_interval_s", link.hello_interval_us, 1e6);
+  list.scaled("max_tile_age_s", link.max_tile_age_us, 1e6);
   if (!file.log.path.empty()) {
     list.in("log");
     list.text("path", file.log.path);

@@ -31,9 +31,11 @@ struct LogConfig {
 /// A vehicle.toml after checking.
 struct VehicleFile {
   firmware::VehicleConfig config{};
-  std::string survey_name;              ///< [survey] name; at most 64 bytes, default ""
   std::vector<hal::UriSpec> port_uris;  ///< parallel to config.ports
+  /// Parallel to them: the program starts without the device and takes it when it comes.
+  std::vector<bool> port_optional;
   hal::UriSpec link_uri;
+  bool link_optional = false;            ///< [link] optional; the same for the link
   std::vector<std::string> mount_names;  ///< parallel to config.mounts
   std::vector<std::string> table_paths;  ///< parallel to table numbers; resolved
   LogConfig log;

@@ -25,7 +25,7 @@ constexpr int kAnswer_ms = 10'000;
 constexpr base::TimeUs kReportInterval_us = 1'000'000;
 constexpr std::int64_t kFastDrain_us = 1000;
 /// Room for the program's own chunk beside the shares of the sources.
-constexpr std::size_t kOwnChunk_bytes = 64;
+constexpr std::size_t kOwnChunk_bytes = 128;
 static_assert(firmware::kMaxHostReport_bytes <= kOwnChunk_bytes, "a report always finds room");
 
 void say(const std::string& what) {
@@ -60,7 +60,12 @@ VehicleLoop::VehicleLoop(const VehicleFile& file,
       options_(options),
       chunks_(file.port_uris.size() + 1, share_of(file)),
       batch_(Recorder::kBatch_bytes) {
-  const auto add = [&](const hal::UriSpec& spec, const std::string& name, hal::FileUse use) {
+  const auto add = [&](const hal::UriSpec& spec, const std::string& name, hal::FileUse use,
+                       bool optional) {
+    const std::string problem = hal::device_problem(spec, use, optional);
+    if (!problem.empty()) {
+      throw HostError(ExitCode::kUsage, name + ": " + problem);
+    }
     hal::PortResult made = hal::make_port(spec, use);
     if (!made.error.empty()) {
       throw HostError(ExitCode::kUsage, name + ": " + made.error);
@@ -72,9 +77,9 @@ VehicleLoop::VehicleLoop(const VehicleFile& file,
     lines_.push_back(std::move(line));
   };
   for (std::size_t i = 0; i < file.port_uris.size(); ++i) {
-    add(file.port_uris[i], "port " + std::to_string(i), hal::FileUse::kRead);
+    add(file.port_uris[i], "port " + std::to_string(i), hal::FileUse::kRead, file.port_optional[i]);
   }
-  add(file.link_uri, "link", hal::FileUse::kWrite);
+  add(file.link_uri, "link", hal::FileUse::kWrite, file.link_optional);
 }
 
 VehicleLoop::~VehicleLoop() = default;
@@ -85,20 +90,21 @@ std::uint8_t VehicleLoop::source_number(std::size_t index) const {
 
 // ---- Ports --------------------------------------------------------------------------------------
 
+// Once per change: of the state, and of the reason why a port is closed.
 void VehicleLoop::say_changes(Line& line) {
   const hal::PortState state = line.port->state();
-  if (line.ever_said && state == line.said) {
+  const bool open = state == hal::PortState::kOpen;
+  const int number = open ? 0 : line.port->last_errno();
+  if (line.ever_said && state == line.said && number == line.said_errno) {
     return;
   }
-  const int number = line.port->last_errno();
   const std::string why = number != 0 ? std::string(": ") + std::strerror(number) : "";
-  if (state == hal::PortState::kOpen) {
-    say(line.name + " " + line.uri + ": open");
-  } else {
-    say(line.name + " " + line.uri + (line.ever_said ? ": lost" : ": not there yet") + why +
-        "; tried again until it is");
-  }
+  const bool lost = line.ever_said && line.said == hal::PortState::kOpen;
+  say(line.name + " " + line.uri +
+      (open ? ": open"
+            : (lost ? ": lost" : ": not there yet") + why + "; tried again until it is"));
   line.said = state;
+  line.said_errno = number;
   line.ever_said = true;
 }
 
@@ -200,6 +206,8 @@ firmware::HostReport VehicleLoop::host_report() const {
     report.port_open[i] = open ? 1 : 0;
     report.dropped_bytes[i] = static_cast<std::uint32_t>(line.counters().bytes_dropped_in +
                                                          line.counters().bytes_dropped_out);
+    report.opens[i] = static_cast<std::uint16_t>(line.counters().opens);
+    report.errors[i] = open ? std::uint16_t{0} : static_cast<std::uint16_t>(line.last_errno());
     report.alarms |= open ? 0U : std::uint32_t{proto::kAlarmPortLost};
   }
   if (recorder_ != nullptr) {
@@ -217,9 +225,13 @@ firmware::HostReport VehicleLoop::host_report() const {
 
 void VehicleLoop::add_host_report(base::TimeUs t_us) {
   const firmware::HostReport report = host_report();
+  const auto differs = [](const auto& now, const auto& before) {
+    return !std::equal(std::begin(now), std::end(now), std::begin(before));
+  };
   const bool changed = !ever_reported_ || report.alarms != reported_.alarms ||
-                       !std::equal(std::begin(report.port_open), std::end(report.port_open),
-                                   std::begin(reported_.port_open));
+                       differs(report.port_open, reported_.port_open) ||
+                       differs(report.opens, reported_.opens) ||
+                       differs(report.errors, reported_.errors);
   if (!changed && t_us < report_due_us_) {
     return;
   }
@@ -289,7 +301,9 @@ void VehicleLoop::begin_log(base::TimeUs t_us) {
     throw HostError(ExitCode::kInternal,
                     std::string("the log's header: ") + base::status_text(status));
   }
-  (void)recorder_->push(t_us, writer.data(), writer.size_bytes(), 3);
+  for (int copy = 0; copy < firmware::kLogPreambleCopies; ++copy) {
+    (void)recorder_->push(t_us, writer.data(), writer.size_bytes(), 3);
+  }
 }
 
 void VehicleLoop::record(const firmware::CycleInput& input, const firmware::CycleOutput& output) {

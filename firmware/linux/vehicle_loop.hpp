@@ -40,7 +40,8 @@ struct LoopSummary {
 
 class VehicleLoop {
  public:
-  /// Makes the ports (throws HostError kUsage: a host without address, an address that is taken). The
+  /// Makes the ports (throws HostError kUsage: a host without address, an address that is taken, a device
+  /// that is none, or not there and not optional). The
   /// vehicle is configured; `recorder` may be null. All outlive the loop.
   VehicleLoop(const VehicleFile& file, const std::vector<model::LocalizationTable>& tables,
               firmware::Vehicle& vehicle, Recorder* recorder, const LoopOptions& options);
@@ -59,6 +60,7 @@ class VehicleLoop {
     std::string uri;
     std::string name;  ///< for messages: "port 0" or "link"
     hal::PortState said = hal::PortState::kClosed;
+    int said_errno = 0;
     bool ever_said = false;
   };
 

@@ -18,10 +18,33 @@ inline constexpr int kMaxMounts = 8;  ///< one per sonar head
 /// Localization tables: one per kind of head.
 inline constexpr std::size_t kMaxTables = model::kMaxSensors;
 
+/// Bits of PortConfig::switches: what differs from a driver's habit. 0 is every driver's default.
+enum PortSwitch : std::uint16_t {
+  kPortUseVariation = 1U << 0U,     ///< apply the variation that comes with a magnetic heading
+  kPortOtherNorth = 1U << 1U,       ///< heading is of the other north than the driver takes it for
+  kPortGaugePressure = 1U << 2U,    ///< the air's pressure has been taken off
+  kPortAcceptUnchecked = 1U << 3U,  ///< take messages without a checksum
+  kPortOtherSense = 1U << 4U,       ///< a scanner turns, or a sensor counts, the other way
+  kPortPressureOnly = 1U << 5U,     ///< ask for pressure alone
+  kPortOtherRoll = 1U << 6U,        ///< roll counts the other way
+  kPortOtherPitch = 1U << 7U,       ///< pitch counts the other way
+  kPortEulerAngles = 1U << 8U,      ///< roll or pitch is the Euler angle, not the level's
+  kPortOtherAxes = 1U << 9U,        ///< the sensor's axes are not those of its habit
+  kPortIgnoreStatus = 1U << 10U,    ///< take what the sensor calls not valid
+  kPortUsePressure = 1U << 11U,     ///< the pressure is that of the water
+};
+
+/// What a head's intensities are. The echo detector compares energies.
+enum class IntensityScale : std::uint8_t {
+  kEnergy = 0,     ///< proportional to energy
+  kAmplitude = 1,  ///< proportional to amplitude: energy is the square
+  kDecibel = 2,    ///< each step is intensity_step_mdb more
+};
+
 struct PortConfig {
   Driver driver;
-  std::uint8_t mount;  ///< sonar heads: index into mounts
-  std::uint16_t reserved;
+  std::uint8_t mount;      ///< sonar heads: index into mounts
+  std::uint16_t switches;  ///< PortSwitch
   std::int32_t
       latency_us;  ///< from the measured instant to the arrival of the last byte, excess over
                    ///< what the codec itself accounts for
@@ -34,6 +57,14 @@ struct PortConfig {
   std::int32_t scan_step_grad;
   std::int32_t
       profile;  ///< 1: ask for intensities and detect on the vehicle; 0: the head's own range
+  std::int32_t gain_plus_1;    ///< 0: the driver's default; otherwise the head's gain setting + 1
+  std::int32_t frequency_khz;  ///< 0: the driver's default
+  std::int32_t address;        ///< id or bus address of the device; 0: the driver's default, or any
+  std::int32_t
+      variant_plus_1;  ///< which of a driver's devices, or of its ways to talk; 0: the default
+  std::int32_t byte_time_ns;  ///< of one byte on the line, 0 .. 100'000'000; 0: in the latency
+  IntensityScale intensity_scale;
+  std::int32_t intensity_step_mdb;  ///< kDecibel: 1 .. 6000
 };
 
 /// Where a head sits and how it looks: body frame FRD from the reference point.
@@ -65,11 +96,17 @@ struct NavigationConfig {
 
 struct LinkConfig {
   std::uint32_t rate_bytes_s;  ///< budget, framing included
-  std::uint16_t mtu_bytes;     ///< largest frame on the wire, 64 .. 1400
+  std::uint16_t mtu_bytes;     ///< largest frame on the wire, 128 .. 1400
   std::uint16_t reserved;
-  std::uint32_t status_interval_us;
-  std::uint32_t hello_interval_us;
+  std::uint32_t status_interval_us;  ///< shortest; longer where the link is slow
+  std::uint32_t hello_interval_us;   ///< longest; shorter while the vehicle is new
+  /// A changed tile waits this long for more changes, so that a packet has cells enough for its headers;
+  /// 0 = not at all.
+  std::uint32_t max_tile_age_us;
 };
+
+/// Bytes of UTF-8, zeros behind them.
+inline constexpr std::size_t kMaxConfigText_bytes = 64;
 
 struct VehicleConfig {
   std::uint16_t schema_version;  ///< kVehicleConfigSchemaVersion
@@ -89,6 +126,8 @@ struct VehicleConfig {
   /// Differs whenever the vehicle starts over with an empty map: the program takes it from the clock of the
   /// day or a counter. Part of every frame's tag, and of the log.
   std::uint32_t session;
+  char survey_name[kMaxConfigText_bytes];
+  char vertical_datum[kMaxConfigText_bytes];  ///< what depth 0 means; informative
 };
 
 }  // namespace leadline::firmware

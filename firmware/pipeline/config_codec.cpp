@@ -80,6 +80,7 @@ template <typename Visit>
 void walk_port(Visit& visit, PortConfig& port) {
   visit(port.driver);
   visit(port.mount);
+  visit(port.switches);
   visit(port.latency_us);
   visit(port.min_range_um);
   visit(port.max_range_um);
@@ -88,6 +89,13 @@ void walk_port(Visit& visit, PortConfig& port) {
   visit(port.scan_last_grad);
   visit(port.scan_step_grad);
   visit(port.profile);
+  visit(port.gain_plus_1);
+  visit(port.frequency_khz);
+  visit(port.address);
+  visit(port.variant_plus_1);
+  visit(port.byte_time_ns);
+  visit(port.intensity_scale);
+  visit(port.intensity_step_mdb);
 }
 
 template <typename Visit>
@@ -141,12 +149,18 @@ void walk(Visit& visit, VehicleConfig& config) {
   visit(config.link.mtu_bytes);
   visit(config.link.status_interval_us);
   visit(config.link.hello_interval_us);
+  visit(config.link.max_tile_age_us);
   visit(config.session);
+  walk_array(visit, config.survey_name);
+  walk_array(visit, config.vertical_datum);
 }
 
 bool known_enumerators(const VehicleConfig& config) {
   for (const PortConfig& port : config.ports) {
     if (port.driver != Driver::kNone && driver_info(port.driver) == nullptr) {
+      return false;
+    }
+    if (port.intensity_scale > IntensityScale::kDecibel) {
       return false;
     }
   }

@@ -7,9 +7,7 @@
 namespace leadline::firmware {
 namespace {
 
-[[maybe_unused]] const hal::CodecCounters& uniform(const hal::CodecCounters& counters) {
-  return counters;
-}
+const hal::CodecCounters& uniform(const hal::CodecCounters& counters) { return counters; }
 
 hal::CodecCounters uniform(const hal::NmeaCounters& from) {
   hal::CodecCounters to{};
@@ -24,25 +22,6 @@ hal::CodecCounters uniform(const hal::NmeaCounters& from) {
   return to;
 }
 
-hal::CodecCounters uniform(const hal::PingHeadCounters& from) {
-  hal::CodecCounters to{};
-  to.frames = from.frames.frames;
-  to.records = from.records;
-  to.repeats = from.repeats;
-  to.skipped_bytes = from.frames.skipped_bytes;
-  to.bad_checksum = from.frames.bad_checksum;
-  to.bad_length = from.frames.bad_length;
-  to.bad_values = from.bad_values;
-  to.unknown_id = from.frames.unknown_id;
-  to.wrong_device = from.wrong_device;
-  to.unfinished = from.frames.gaps;
-  to.nacks = from.nacks;
-  to.timeouts = from.timeouts;
-  to.refused_settings = from.refused_settings;
-  to.restarts = from.restarts;
-  return to;
-}
-
 base::Ping& record_of(DeviceRecord& record, std::true_type /*head*/) { return record.ping; }
 base::NavSample& record_of(DeviceRecord& record, std::false_type /*head*/) { return record.sample; }
 
@@ -53,6 +32,12 @@ template <class Codec, class Record>
 struct HasNext<Codec, Record,
                std::void_t<decltype(std::declval<Codec&>().next(std::declval<Record&>()))>>
     : std::true_type {};
+
+template <class Codec, class = void>
+struct HasSamples : std::false_type {};
+template <class Codec>
+struct HasSamples<Codec, std::void_t<decltype(std::declval<Codec&>().take_sample(
+                             std::declval<base::NavSample&>()))>> : std::true_type {};
 
 template <class Codec, class = void>
 struct HasRequest : std::false_type {};
@@ -85,11 +70,20 @@ struct Calls {
   static RecordKind feed(void* codec, std::uint8_t byte, base::TimeUs t_arrival_us,
                          DeviceRecord& record) {
     return of(codec).feed(byte, t_arrival_us, record_of(record, IsHead{})) ? kKind
-                                                                           : RecordKind::kNone;
+                                                                           : sample(codec, record);
   }
   static RecordKind next(void* codec, DeviceRecord& record) {
     if constexpr (HasNext<Codec, Record>::value) {
-      return of(codec).next(record_of(record, IsHead{})) ? kKind : RecordKind::kNone;
+      if (of(codec).next(record_of(record, IsHead{}))) {
+        return kKind;
+      }
+    }
+    return sample(codec, record);
+  }
+  /// What a head knows of the vehicle (hal/heads/nav_queue.hpp): behind its pings.
+  static RecordKind sample(void* codec, DeviceRecord& record) {
+    if constexpr (HasSamples<Codec>::value) {
+      return of(codec).take_sample(record.sample) ? RecordKind::kSample : RecordKind::kNone;
     } else {
       static_cast<void>(codec);
       static_cast<void>(record);

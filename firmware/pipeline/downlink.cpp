@@ -1,6 +1,5 @@
 #include "firmware/pipeline/downlink.hpp"
 
-#include "model/base/crc32c.hpp"
 #include "model/base/fixed.hpp"
 #include "proto/cell.hpp"
 
@@ -22,7 +21,6 @@ void Downlink::configure(std::uint32_t rate_bytes_s, std::size_t mtu_bytes) {
   size_bytes_ = 0;
   room_bytes_ = 0;
   hash_ = proto::kFnvOffset;
-  crc_ = 0;
   total_bytes_ = 0;
   total_frames_ = 0;
 }
@@ -58,7 +56,6 @@ bool Downlink::put(const std::uint8_t* payload, std::size_t payload_bytes) {
   for (std::size_t i = 0; i < frame.value(); ++i) {
     hash_ = (hash_ ^ buffer_[size_bytes_ + i]) * proto::kFnvPrime;
   }
-  crc_ = base::crc32c(buffer_.data() + size_bytes_, frame.value(), crc_);
   size_bytes_ += frame.value();
   tokens_ub_ -= static_cast<std::int64_t>(frame.value()) * kByte_ub;
   total_bytes_ += frame.value();

@@ -37,9 +37,8 @@ class Downlink {
   [[nodiscard]] std::size_t burst_bytes() const { return burst_bytes_; }
   [[nodiscard]] const std::uint8_t* data() const { return buffer_.data(); }
   [[nodiscard]] std::size_t size_bytes() const { return size_bytes_; }
-  /// Of all bytes since configure(): 64-bit FNV-1a, CRC-32C, counts.
+  /// Of all bytes since configure(): 64-bit FNV-1a, counts.
   [[nodiscard]] std::uint64_t hash() const { return hash_; }
-  [[nodiscard]] std::uint32_t crc() const { return crc_; }
   [[nodiscard]] std::uint64_t total_bytes() const { return total_bytes_; }
   [[nodiscard]] std::uint64_t total_frames() const { return total_frames_; }
 
@@ -52,7 +51,6 @@ class Downlink {
   std::size_t burst_bytes_ = 0;
   std::int64_t tokens_ub_ = 0;  ///< millionths of a byte
   std::uint64_t hash_ = 0;
-  std::uint32_t crc_ = 0;
   std::uint64_t total_bytes_ = 0;
   std::uint64_t total_frames_ = 0;
 };

@@ -19,8 +19,20 @@
 #include "hal/attitude/mavlink.hpp"
 #include "hal/attitude/nmea.hpp"
 #include "hal/attitude/nmea2000.hpp"
+#include "hal/attitude/pd0.hpp"
+#include "hal/attitude/trax.hpp"
+#include "hal/attitude/tss1.hpp"
+#include "hal/attitude/vectornav.hpp"
+#include "hal/attitude/wldvl.hpp"
+#include "hal/attitude/xsens.hpp"
+#include "hal/heads/cerulean.hpp"
+#include "hal/heads/deltat83p.hpp"
+#include "hal/heads/imagenex.hpp"
 #include "hal/heads/ping1d.hpp"
 #include "hal/heads/ping360.hpp"
+#include "hal/heads/r2sonic.hpp"
+#include "hal/heads/tritech.hpp"
+#include "hal/heads/wl3d.hpp"
 
 #ifndef LEADLINE_DRIVERS
 #define LEADLINE_DRIVERS 0xFFFFFFFFU
@@ -37,6 +49,20 @@ struct DeviceSetup {
 [[nodiscard]] hal::Ping1dConfig ping1d_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::Ping360Config ping360_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::NmeaConfig nmea_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::CeruleanConfig cerulean_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::ImagenexConfig imagenex_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::Deltat83pConfig deltat83p_config(const PortConfig& port,
+                                                    const DeviceSetup& setup);
+[[nodiscard]] hal::Tss1Config tss1_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::VectorNavConfig vectornav_config(const PortConfig& port,
+                                                    const DeviceSetup& setup);
+[[nodiscard]] hal::XsensConfig xsens_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::WlDvlConfig wldvl_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::Pd0Config pd0_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::TritechConfig tritech_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::Wl3dConfig wl3d_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::TraxConfig trax_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::R2SonicConfig r2sonic_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::KellerConfig keller_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::Nmea2000Config nmea2000_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::MavlinkConfig mavlink_config(const PortConfig& port, const DeviceSetup& setup);
@@ -60,6 +86,18 @@ using DriverEntries =
     DriverList<DriverEntry<Driver::kPing1d, hal::Ping1dCodec, &ping1d_config>,
                DriverEntry<Driver::kPing360, hal::Ping360Codec, &ping360_config>,
                DriverEntry<Driver::kNmea, hal::NmeaCodec, &nmea_config>,
+               DriverEntry<Driver::kCerulean, hal::CeruleanCodec, &cerulean_config>,
+               DriverEntry<Driver::kImagenex, hal::ImagenexCodec, &imagenex_config>,
+               DriverEntry<Driver::kDeltat83p, hal::Deltat83pCodec, &deltat83p_config>,
+               DriverEntry<Driver::kTritech, hal::TritechCodec, &tritech_config>,
+               DriverEntry<Driver::kWl3d, hal::Wl3dCodec, &wl3d_config>,
+               DriverEntry<Driver::kTrax, hal::TraxCodec, &trax_config>,
+               DriverEntry<Driver::kR2sonic, hal::R2SonicCodec, &r2sonic_config>,
+               DriverEntry<Driver::kTss1, hal::Tss1Codec, &tss1_config>,
+               DriverEntry<Driver::kVectornav, hal::VectorNavCodec, &vectornav_config>,
+               DriverEntry<Driver::kXsens, hal::XsensCodec, &xsens_config>,
+               DriverEntry<Driver::kWldvl, hal::WlDvlCodec, &wldvl_config>,
+               DriverEntry<Driver::kPd0, hal::Pd0Codec, &pd0_config>,
                DriverEntry<Driver::kKeller, hal::KellerCodec, &keller_config>,
                DriverEntry<Driver::kNmea2000, hal::Nmea2000Codec, &nmea2000_config>,
                DriverEntry<Driver::kMavlink, hal::MavlinkCodec, &mavlink_config>>;

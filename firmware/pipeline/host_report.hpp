@@ -21,15 +21,20 @@ struct HostReport {
   std::uint8_t port_count;                 ///< 0 .. kMaxPorts
   std::uint8_t port_open[kMaxPorts];       ///< 0 closed, 1 open
   std::uint32_t dropped_bytes[kMaxPorts];  ///< for want of room, both directions, low 32 bits
+  std::uint16_t opens[kMaxPorts];  ///< times that it was opened, low 16 bits; 0: not said, or never
+  std::uint16_t errors[kMaxPorts];  ///< errno of why it is closed; 0: open, or no reason known
 };
 
 /// Little-endian: version u8 = 1, port_count u8, reserved u16 = 0, the four numbers u32, then per port
-/// open u8 and dropped_bytes u32.
-inline constexpr std::size_t kMaxHostReport_bytes = 20 + 5 * kMaxPorts;
+/// open u8 and dropped_bytes u32, then per port opens u16 and error u16 (early versions end before these).
+inline constexpr std::size_t kMaxHostReport_bytes = 20 + 9 * kMaxPorts;
 
 /// Bytes written; 0 when `capacity` is too small or port_count out of range. O(1).
 [[nodiscard]] std::size_t encode_host_report(const HostReport& report, std::uint8_t* out,
                                              std::size_t capacity);
+/// Whether the port was closed and opened again between two reports, `before` being the older one (its
+/// port_count is 0 where there was none). O(1).
+[[nodiscard]] bool reopened(const HostReport& before, const HostReport& now, int port);
 /// False when the bytes are no report: `report` is left alone. Bytes behind the last port are a newer
 /// version's and ignored. O(1).
 [[nodiscard]] bool decode_host_report(const std::uint8_t* data, std::size_t size_bytes,

@@ -75,7 +75,8 @@ proto::LogEnd log_end_of(const Vehicle& vehicle, base::TimeUs t_us) {
   end.t_us = t_us;
   end.cycle_count = static_cast<std::uint32_t>(counters.cycles);
   end.map_hash = vehicle.map_hash();
-  end.link_hash = vehicle.cells_hash();
+  end.cells_hash = vehicle.cells_hash();
+  end.link_hash = vehicle.link_hash();
   end.pings_in = counters.pings_in;
   end.pings_fused = model.pings[static_cast<int>(model::PingResult::kFused)];
   end.pings_shed = counters.pings_lost[static_cast<int>(PingLoss::kShed)];
@@ -83,7 +84,6 @@ proto::LogEnd log_end_of(const Vehicle& vehicle, base::TimeUs t_us) {
       counters.pings_in - counters.pings_pending - end.pings_fused - end.pings_shed;
   end.cells_sent = counters.cells_sent;
   end.downlink_bytes = counters.downlink_bytes;
-  end.downlink_crc = vehicle.downlink_crc();
   return end;
 }
 

@@ -16,6 +16,10 @@ namespace leadline::firmware {
 /// Longest chunk that log_cycle() takes; whoever reads ports reads no more at a time.
 inline constexpr std::size_t kMaxChunk_bytes = proto::kMaxLogChunk_bytes;
 
+/// A log begins with so many of log_begin(), one behind the other: it replays from these, and no one
+/// damaged record takes both.
+inline constexpr int kLogPreambleCopies = 2;
+
 /// Header, configuration, tables. `t_us` is the time of the first cycle, `utc_us` the same instant since
 /// 1970 (0: not known). kFull: the writer's span is too small, what is in it is then to be thrown away.
 /// O(bytes).

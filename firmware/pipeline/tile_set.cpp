@@ -39,17 +39,22 @@ void TileSet::remove(TileId tile) {
   place_[tile] = 0;
 }
 
-bool TileSet::best(std::uint32_t cycle, TileId& tile) const {
+bool TileSet::best_due(std::uint32_t cycle, std::uint32_t weight, std::uint32_t age,
+                       TileId& tile) const {
+  bool found = false;
   std::uint32_t highest = 0;
   for (std::size_t i = 0; i < size_; ++i) {
     const Member& member = members_[i];
-    const std::uint32_t rank = member.weight + (cycle - member.since);
-    if (i == 0 || rank > highest || (rank == highest && member.tile < tile)) {
+    const std::uint32_t waited = cycle - member.since;
+    const std::uint32_t rank = member.weight + waited;
+    const bool due = member.weight >= weight || waited >= age;
+    if (due && (!found || rank > highest || (rank == highest && member.tile < tile))) {
+      found = true;
       highest = rank;
       tile = member.tile;
     }
   }
-  return size_ != 0;
+  return found;
 }
 
 std::uint32_t TileSet::oldest_age(std::uint32_t cycle) const {

@@ -29,8 +29,18 @@ class TileSet {
   void remove(model::TileId tile);
   [[nodiscard]] bool contains(model::TileId tile) const { return place_[tile] != 0; }
   [[nodiscard]] std::size_t size() const { return size_; }
+  /// The tile of highest rank among those that are due: with at least that weight, or in for at least that
+  /// many cycles. False when there is none. O(size).
+  [[nodiscard]] bool best_due(std::uint32_t cycle, std::uint32_t weight, std::uint32_t age,
+                              model::TileId& tile) const;
   /// The tile of highest rank; false when the set is empty. O(size).
-  [[nodiscard]] bool best(std::uint32_t cycle, model::TileId& tile) const;
+  [[nodiscard]] bool best(std::uint32_t cycle, model::TileId& tile) const {
+    return best_due(cycle, 0, 0, tile);
+  }
+  /// Cycles that a tile of the set has waited. O(1).
+  [[nodiscard]] std::uint32_t age(model::TileId tile, std::uint32_t cycle) const {
+    return cycle - members_[place_[tile] - 1].since;
+  }
   /// Cycles that the longest waiting tile has waited; 0 when empty. O(size).
   [[nodiscard]] std::uint32_t oldest_age(std::uint32_t cycle) const;
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "firmware/pipeline/config_codec.hpp"
+#include "firmware/pipeline/intensity.hpp"
 #include "firmware/pipeline/rotation.hpp"
 #include "model/base/crc32c.hpp"
 #include "model/base/fixed.hpp"
@@ -24,8 +25,11 @@ using model::TileId;
 // Of sensors that state a speed; NavigationConfig has no key for it.
 constexpr std::int32_t kSigmaVelocity_mm_s = 50;
 constexpr std::int32_t kLongestLever_mm = 1'000'000;
-constexpr std::uint16_t kLeastMtu_bytes = 64;
+constexpr std::int32_t kLargestStep_mdb = 6000;
+// The largest hello takes 125.
+constexpr std::uint16_t kLeastMtu_bytes = 128;
 constexpr std::uint16_t kMostMtu_bytes = 1400;
+constexpr std::uint32_t kLongestTileAge_us = 60'000'000;
 constexpr std::int32_t kSlowestSound_mm_s = 200'000;
 constexpr std::int32_t kFastestSound_mm_s = 6'000'000;
 // Columns that one tile of the budget pays for: it reads, smooths and assesses its own, and one more share
@@ -42,7 +46,9 @@ bool within(std::int64_t value, std::int64_t low, std::int64_t high) {
 
 bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
   if ((port.driver != Driver::kNone && !driver_enabled(port.driver)) ||
-      !within(port.latency_us, -10'000'000, 10'000'000)) {
+      !within(port.latency_us, -10'000'000, 10'000'000) ||
+      !within(port.byte_time_ns, 0, 100'000'000) ||
+      !within(port.intensity_step_mdb, 0, kLargestStep_mdb)) {
     return false;
   }
   return !is_head(port.driver) ||
@@ -53,7 +59,8 @@ bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
 
 bool link_sound(const LinkConfig& link) {
   return link.rate_bytes_s > 0 && within(link.mtu_bytes, kLeastMtu_bytes, kMostMtu_bytes) &&
-         link.status_interval_us > 0 && link.hello_interval_us > 0;
+         link.status_interval_us > 0 && link.hello_interval_us > 0 &&
+         link.max_tile_age_us <= kLongestTileAge_us;
 }
 
 bool mount_sound(const MountConfig& mount) {
@@ -215,6 +222,7 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   note_touched_tiles();
   extract_tiles();
   update_alarms();
+  frame_waits_ = false;
   send_hello();
   send_status();
   send_texts();
@@ -241,6 +249,7 @@ TimeUs Vehicle::begin_cycle(TimeUs t_us) {
     }
     watch_.status_due_us = limited;
     watch_.hello_due_us = limited;
+    watch_.hello_sent_us = limited;
     return 0;
   }
   before_us_ = now_us_;
@@ -254,10 +263,20 @@ TimeUs Vehicle::begin_cycle(TimeUs t_us) {
   return now_us_ - before_us_;
 }
 
+// What the host knows goes first: a port that was opened again has its codec start over before new bytes
+// come from it.
 void Vehicle::take_chunks(const CycleInput& input) {
   std::size_t room = kMaxCycleBytes;
   for (std::size_t i = 0; i < input.chunk_count; ++i) {
+    if (input.chunks[i].port == kHostPort) {
+      take_host_report(input.chunks[i]);
+    }
+  }
+  for (std::size_t i = 0; i < input.chunk_count; ++i) {
     const InputChunk& chunk = input.chunks[i];
+    if (chunk.port == kHostPort) {
+      continue;
+    }
     const std::size_t size = min_of<std::size_t>(chunk.size_bytes, room);
     counters_.bytes_over_limit += chunk.size_bytes - size;
     room -= size;
@@ -265,14 +284,22 @@ void Vehicle::take_chunks(const CycleInput& input) {
   }
 }
 
-void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
-  if (chunk.data == nullptr ||
-      (chunk.port >= config_.port_count && chunk.port != kUplinkPort && chunk.port != kHostPort)) {
+void Vehicle::take_host_report(const InputChunk& chunk) {
+  const HostReport before = host_;
+  if (chunk.data == nullptr || !decode_host_report(chunk.data, chunk.size_bytes, host_)) {
     ++counters_.chunks_ignored;
     return;
   }
-  if (chunk.port == kHostPort) {
-    counters_.chunks_ignored += decode_host_report(chunk.data, size_bytes, host_) ? 0U : 1U;
+  for (int port = 0; port < config_.port_count; ++port) {
+    if (reopened(before, host_, port)) {
+      ports_[port].restart();
+    }
+  }
+}
+
+void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
+  if (chunk.data == nullptr || (chunk.port >= config_.port_count && chunk.port != kUplinkPort)) {
+    ++counters_.chunks_ignored;
     return;
   }
   if (chunk.port == kUplinkPort) {
@@ -346,7 +373,13 @@ void Vehicle::make_ready() {
          !(is_head(config_.ports[port].driver) && config_.ports[port].mount == ready_.mount)) {
     ++port;
   }
-  const model::EchoDetection echo = model::detect_echo(ready_.profile, detector_[port]);
+  base::RangeProfile profile = ready_.profile;
+  if (profile.intensity != nullptr) {
+    energies_of(profile, config_.ports[port].intensity_scale,
+                config_.ports[port].intensity_step_mdb, energies_.data());
+    profile.intensity = energies_.data();
+  }
+  const model::EchoDetection echo = model::detect_echo(profile, detector_[port]);
   ready_.profile = base::RangeProfile{};
   if (!echo.found) {
     ++counters_.profiles_undetected;

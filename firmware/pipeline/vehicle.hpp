@@ -111,6 +111,7 @@ struct VehicleCounters {
   std::uint64_t delta_bytes;    ///< in them, framing included
   std::uint64_t cells_sent;     ///< cells in them, those of resends included
   std::uint64_t cells_changed;  ///< of these, cells whose coded value had changed
+  std::uint64_t cell_wait_ms;   ///< sum over cells_changed: how long the cell's tile had waited
   std::uint64_t downlink_frames;
   std::uint64_t downlink_bytes;  ///< all frames, framing included
   std::uint64_t uplink_frames;
@@ -163,9 +164,7 @@ class Vehicle {
   [[nodiscard]] std::uint64_t map_hash() const { return model_.grid().map_hash(); }
   /// 64-bit FNV-1a over every downlink byte since configure(). O(1).
   [[nodiscard]] std::uint64_t link_hash() const { return downlink_.hash(); }
-  /// CRC-32C of the same bytes. O(1).
-  [[nodiscard]] std::uint32_t downlink_crc() const { return downlink_.crc(); }
-  /// Hash of the map as the link has it (proto/cell.hpp "link_hash"): what a receiver that missed nothing
+  /// Hash of the map as the link has it (proto/cell.hpp "cells_hash"): what a receiver that missed nothing
   /// computes from its own tiles. O(grid).
   [[nodiscard]] std::uint64_t cells_hash() const { return link_map_.hash(); }
   /// The 256 cells of a tile as last queued for the link.
@@ -192,10 +191,15 @@ class Vehicle {
     base::TimeUs last_record_us[kMaxPorts];
     base::TimeUs status_due_us;
     base::TimeUs hello_due_us;
+    base::TimeUs hello_sent_us;
+    base::TimeUs hello_gap_us;  ///< between the last two and, at least, the next
+    base::TimeUs outside_us;    ///< last time outside the grid
+    std::uint32_t statuses;     ///< sent
     std::uint64_t shed_at_status;
     std::uint64_t clamped_at_status;
     std::uint64_t over_limit_at_status;
     std::uint16_t epoch_at_status;
+    bool outside_said;
     bool origin_said;  ///< a hello has told where NED has its zero
     bool paused;       ///< the last ping was refused for want of a good pose
   };
@@ -205,6 +209,7 @@ class Vehicle {
   [[nodiscard]] estimator::NavigatorConfig navigator_config() const;
   [[nodiscard]] base::TimeUs begin_cycle(base::TimeUs t_us);
   void take_chunks(const CycleInput& input);
+  void take_host_report(const InputChunk& chunk);
   void take_chunk(const InputChunk& chunk, std::size_t size_bytes);
   void take_device_bytes(std::uint8_t port, const std::uint8_t* data, std::size_t size_bytes,
                          base::TimeUs t_us);
@@ -223,10 +228,14 @@ class Vehicle {
   void extract_tiles();
   void compare_tile(model::TileId tile);
   void send_hello();
+  void answer_hello_request();
+  [[nodiscard]] bool put(const base::Result<std::size_t>& payload_bytes);
   void send_status();
+  [[nodiscard]] base::Result<std::size_t> encode_full_status(proto::Status& status);
   void send_texts();
   void send_deltas();
-  [[nodiscard]] bool fill_packet(proto::TilePacketEncoder& packet);
+  [[nodiscard]] std::uint32_t max_age_ticks() const;
+  [[nodiscard]] bool fill_packet(proto::TilePacketEncoder& packet, model::TileId tile);
   void fill_status(proto::Status& status) const;
   [[nodiscard]] std::uint32_t alarms_now() const;
   void update_alarms();
@@ -249,6 +258,7 @@ class Vehicle {
   PingQueue pending_;
   base::Ping ready_{};  ///< the oldest pending ping, its echo detected
   bool has_ready_ = false;
+  std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
   std::size_t mapped_count_ = 0;
   TileSet stale_;
@@ -260,6 +270,7 @@ class Vehicle {
   Watch watch_{};
   HostReport host_{};              ///< the newest; port_count 0 while there is none
   std::uint32_t alarms_said_ = 0;  ///< bits that a text has reported
+  bool frame_waits_ = false;       ///< hello, status or text found no room in this cycle
   std::uint32_t texts_due_ = 0;    ///< bits that a text is owed for
   std::array<std::uint8_t, proto::kMaxPayload_bytes> payload_{};
   std::array<std::uint8_t, kRequestCapacity_bytes> requests_[kMaxPorts] = {};

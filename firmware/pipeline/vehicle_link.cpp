@@ -13,8 +13,16 @@ using model::TileId;
 constexpr std::size_t kWorthwhileFrame_bytes = 256;
 // A port that has not said anything intelligible for this long is silent.
 constexpr TimeUs kSilence_us = 5'000'000;
-// Changes that wait longer than this, in ticks of 32.768 ms: 10 s.
+// Changes that wait longer than this for the link, in ticks of 32.768 ms: 10 s.
 constexpr std::uint32_t kBehind_ticks = 305;
+constexpr unsigned kTick_log2us = 15;
+// Hellos come after this, then after twice as long each time, up to the configured interval.
+constexpr TimeUs kFirstHelloGap_us = 1'000'000;
+// Statuses get this part of the link, and one of so many is a full one.
+constexpr TimeUs kStatusShare = 16;
+constexpr std::uint32_t kStatusesPerFull = 16;
+// A survey leaves the grid at every turn. That is said again only after so long inside.
+constexpr TimeUs kOutsideEpisode_us = 300'000'000;
 
 struct AlarmText {
   std::uint32_t bit;
@@ -68,6 +76,8 @@ void Vehicle::take_uplink(const std::uint8_t* data, std::size_t size_bytes) {
           proto::decode_resend_request(frame.payload, frame.payload_bytes);
       if (request.ok() && request.value().survey_tag == survey_tag_) {
         resend(request.value());
+      } else if (proto::is_hello_request(frame.payload, frame.payload_bytes)) {
+        answer_hello_request();
       } else {
         ++counters_.uplink_rejected;
       }
@@ -98,10 +108,24 @@ void Vehicle::resend(const proto::ResendRequest& request) {
   }
 }
 
+// Many who ask get one hello a second.
+void Vehicle::answer_hello_request() {
+  const TimeUs soonest_us = base::max_of(now_us_, watch_.hello_sent_us + kFirstHelloGap_us);
+  watch_.hello_due_us = min_of(watch_.hello_due_us, soonest_us);
+}
+
+// A frame of `payload_`. What finds no room goes before tile deltas in the cycles to come.
+bool Vehicle::put(const base::Result<std::size_t>& payload_bytes) {
+  const bool done = payload_bytes.ok() && downlink_.put(payload_.data(), payload_bytes.value());
+  frame_waits_ = frame_waits_ || !done;
+  return done;
+}
+
 void Vehicle::send_hello() {
   // At once when an origin has been found: until then a receiver does not know where the map lies.
   const bool has_origin = navigator_.plane().configured();
-  if (now_us_ < watch_.hello_due_us && has_origin == watch_.origin_said) {
+  const bool news = has_origin != watch_.origin_said || watch_.hello_gap_us == 0;
+  if (now_us_ < watch_.hello_due_us && !news) {
     return;
   }
   proto::Hello hello{};
@@ -127,11 +151,12 @@ void Vehicle::send_hello() {
   for (int i = 0; i < config_.table_count; ++i) {
     hello.table_crc[i] = table_crc_[i];
   }
-  const base::Result<std::size_t> size =
-      proto::encode_hello(hello, payload_.data(), payload_.size());
-  if (size.ok() && downlink_.put(payload_.data(), size.value())) {
+  if (put(proto::encode_hello(hello, payload_.data(), payload_.size()))) {
     watch_.origin_said = has_origin;
-    watch_.hello_due_us = now_us_ + config_.link.hello_interval_us;
+    watch_.hello_gap_us = min_of<TimeUs>(news ? kFirstHelloGap_us : 2 * watch_.hello_gap_us,
+                                         config_.link.hello_interval_us);
+    watch_.hello_sent_us = now_us_;
+    watch_.hello_due_us = now_us_ + watch_.hello_gap_us;
   }
 }
 
@@ -141,16 +166,37 @@ void Vehicle::send_status() {
   }
   proto::Status status{};
   fill_status(status);
-  const base::Result<std::size_t> size =
-      proto::encode_status(status, payload_.data(), payload_.size());
-  if (!size.ok() || !downlink_.put(payload_.data(), size.value())) {
+  base::Result<std::size_t> size = base::Status::kNotReady;
+  if (watch_.statuses % kStatusesPerFull == 0) {
+    size = encode_full_status(status);
+  }
+  if (!size.ok()) {
+    size = proto::encode_brief(proto::brief_of(status), payload_.data(), payload_.size());
+  }
+  const std::uint64_t before = downlink_.total_bytes();
+  if (!put(size)) {
     return;
   }
-  watch_.status_due_us = now_us_ + config_.link.status_interval_us;
+  const auto frame_bytes = static_cast<TimeUs>(downlink_.total_bytes() - before);
+  const TimeUs share_us = frame_bytes * kStatusShare * 1'000'000 / config_.link.rate_bytes_s;
+  watch_.status_due_us = now_us_ + base::max_of<TimeUs>(config_.link.status_interval_us, share_us);
+  ++watch_.statuses;
   watch_.shed_at_status = counters_.pings_lost[static_cast<int>(PingLoss::kShed)];
   watch_.clamped_at_status = counters_.cycle_time_clamped + counters_.chunk_time_clamped;
   watch_.over_limit_at_status = counters_.bytes_over_limit;
   watch_.epoch_at_status = navigator_.epoch();
+}
+
+// With as many ports as the MTU has room for. kFull: not even without them.
+base::Result<std::size_t> Vehicle::encode_full_status(proto::Status& status) {
+  const std::size_t capacity =
+      min_of(payload_.size(), proto::max_payload_bytes(config_.link.mtu_bytes));
+  base::Result<std::size_t> size = proto::encode_status(status, payload_.data(), capacity);
+  while (!size.ok() && status.port_count > 0) {
+    --status.port_count;
+    size = proto::encode_status(status, payload_.data(), capacity);
+  }
+  return size;
 }
 
 void Vehicle::fill_status(proto::Status& status) const {
@@ -241,7 +287,7 @@ std::uint32_t Vehicle::alarms_now() const {
   raise(counters_.pings_lost[static_cast<int>(PingLoss::kShed)] != watch_.shed_at_status,
         proto::kAlarmShed);
   raise(pending_.size() == PingQueue::kCapacity_count, proto::kAlarmQueueFull);
-  raise(unsent_.oldest_age(tick_) > kBehind_ticks, proto::kAlarmLinkBehind);
+  raise(unsent_.oldest_age(tick_) > max_age_ticks() + kBehind_ticks, proto::kAlarmLinkBehind);
   raise(counters_.cycle_time_clamped + counters_.chunk_time_clamped != watch_.clamped_at_status,
         proto::kAlarmTimeStepped);
   raise(counters_.bytes_over_limit != watch_.over_limit_at_status, proto::kAlarmInputDropped);
@@ -258,7 +304,14 @@ std::uint32_t Vehicle::alarms_now() const {
 
 void Vehicle::update_alarms() {
   counters_.alarms = alarms_now();
-  const std::uint32_t began = counters_.alarms & ~alarms_said_;
+  std::uint32_t began = counters_.alarms & ~alarms_said_;
+  if (watch_.outside_said && now_us_ - watch_.outside_us < kOutsideEpisode_us) {
+    began &= ~std::uint32_t{proto::kAlarmOutsideGrid};
+  }
+  if ((counters_.alarms & proto::kAlarmOutsideGrid) != 0) {
+    watch_.outside_said = true;
+    watch_.outside_us = now_us_;
+  }
   const std::uint32_t ended = alarms_said_ & ~counters_.alarms;
   texts_due_ |= began | (ended << kEndShift);
   alarms_said_ = counters_.alarms;
@@ -270,9 +323,7 @@ void Vehicle::send_texts() {
       return;
     }
     const proto::Text text = proto::make_text(now_us_, alarm.severity, alarm.text);
-    const base::Result<std::size_t> size =
-        proto::encode_text(text, payload_.data(), payload_.size());
-    if (size.ok() && downlink_.put(payload_.data(), size.value())) {
+    if (put(proto::encode_text(text, payload_.data(), payload_.size()))) {
       texts_due_ &= ~bit;
     }
   };
@@ -284,13 +335,21 @@ void Vehicle::send_texts() {
   }
 }
 
+std::uint32_t Vehicle::max_age_ticks() const {
+  return config_.link.max_tile_age_us >> kTick_log2us;
+}
+
 // Packets of changed cells, as long as the link takes them. A tile is clean once its bytes are in the buffer.
+// Headers are what single cells cost: nothing is sent before a tile has waited for max_tile_age_us, or all of
+// one has changed or is asked for; then whatever else waits goes along.
 void Vehicle::send_deltas() {
   const std::size_t worthwhile =
       min_of<std::size_t>(kWorthwhileFrame_bytes, config_.link.mtu_bytes);
-  while (unsent_.size() != 0 && downlink_.free_bytes() >= worthwhile) {
+  TileId tile = 0;
+  while (!frame_waits_ && downlink_.free_bytes() >= worthwhile &&
+         unsent_.best_due(tick_, TileSet::kMaxWeight, max_age_ticks(), tile)) {
     proto::TilePacketEncoder packet(payload_.data(), downlink_.free_payload_bytes(), survey_tag_);
-    const bool more = fill_packet(packet);
+    const bool more = fill_packet(packet, tile);
     const std::size_t size = packet.finish();
     const std::uint64_t before = downlink_.total_bytes();
     // free_payload_bytes() is a promise: put() does not refuse.
@@ -305,11 +364,10 @@ void Vehicle::send_deltas() {
   }
 }
 
-// Fills a packet from the unsent tiles; false when they are used up.
-bool Vehicle::fill_packet(proto::TilePacketEncoder& packet) {
-  TileId tile = 0;
+// Fills a packet from the unsent tiles, `tile` first; false when they are used up.
+bool Vehicle::fill_packet(proto::TilePacketEncoder& packet, TileId tile) {
   TileCells present;
-  while (unsent_.best(tick_, tile)) {
+  do {
     link_map_.present(model_, tile, present);
     const proto::TileUpdate update{tile, link_map_.next_generation(tile), present.data(),
                                    link_map_.owed(tile, present)};
@@ -325,12 +383,15 @@ bool Vehicle::fill_packet(proto::TilePacketEncoder& packet) {
       return true;
     }
     counters_.cells_sent += static_cast<std::uint64_t>(added.value());
-    counters_.cells_changed += static_cast<std::uint64_t>(link_map_.sent(tile, present, taken));
+    const auto changed = static_cast<std::uint64_t>(link_map_.sent(tile, present, taken));
+    counters_.cells_changed += changed;
+    counters_.cell_wait_ms +=
+        changed * ((std::uint64_t{unsent_.age(tile, tick_)} << kTick_log2us) / 1000);
     if (added.value() < owed) {
       return true;
     }
     unsent_.remove(tile);
-  }
+  } while (unsent_.best(tick_, tile));
   return false;
 }
 

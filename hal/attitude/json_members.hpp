@@ -13,7 +13,7 @@ struct JsonMember {
   TextField key;  ///< between its quotes, escapes as they stand
   TextField
       value;  ///< a number, true, false or null; a string without its quotes; empty when nested
-  bool is_string;
+  bool is_string = false;
 };
 
 /// Goes through an object's members in order. Nested objects and arrays are stepped over, whatever
@@ -23,9 +23,9 @@ class JsonMembers {
  public:
   /// `text` stays the caller's.
   JsonMembers(const char* text, std::size_t size) : text_(text), size_(size) {
-    good_ = take('{');
-    done_ = !good_;
-    if (good_ && take('}')) {
+    if (!take('{')) {
+      (void)fail();
+    } else if (take('}')) {
       finish();
     }
   }
@@ -138,7 +138,7 @@ class JsonMembers {
   const char* text_;
   std::size_t size_;
   std::size_t at_ = 0;
-  bool good_ = false;
+  bool good_ = true;
   bool done_ = false;
 };
 

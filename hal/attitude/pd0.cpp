@@ -141,7 +141,7 @@ std::int64_t utc_of(const std::uint8_t* clock) {
   const std::int64_t year = clock[0] + (clock[0] < 80 ? 2000 : 1900);
   const std::int64_t days = days_since_1970(year, clock[1], clock[2]);
   const std::int64_t seconds = ((days * 24 + clock[3]) * 60 + clock[4]) * 60 + clock[5];
-  return seconds * 1'000'000 + clock[6] * 10'000;
+  return seconds * 1'000'000 + std::int64_t{clock[6]} * 10'000;
 }
 
 void read_bottom(const Block& bottom, Pd0Ensemble& ensemble) {

@@ -31,23 +31,17 @@ constexpr std::int64_t kMinScan_mm = 1000;
 constexpr std::int64_t kMaxScan_mm = base::kMaxRange_um / 1000;
 constexpr std::int64_t kMaxBin_mm = 3'000'000;  // fits 32 bits in micrometres, scaled
 constexpr std::int64_t kMinInterval_ms = 20;    // the device's 50 Hz
-constexpr std::int64_t kTimeout_us = 500'000;
+constexpr std::int64_t kTimeout_us = 500'000;   // of a setting, and of a device that runs free
+constexpr std::int64_t kUsualSamples = 200;
+constexpr std::int64_t kUsualByte_ns = 86'806;  // 115200 baud
 constexpr std::uint8_t kMaxGain = 6;
 constexpr std::uint8_t kMaxTries = 3;
-constexpr std::uint8_t kMaxInARow = 5;
+constexpr std::uint8_t kMaxInARow = PingSession::kMaxInARow;
 
 // There and back, at the device's sound speed.
 constexpr base::TimeUs travel_us(std::int64_t device_um) {
   constexpr std::int64_t kUmPerUs = kPing1dSoundSpeed_mm_s / 2000;
   return (device_um + kUmPerUs / 2) / kUmPerUs;
-}
-
-std::size_t write_general_request(std::uint16_t id, std::uint8_t device_id, std::uint8_t* out,
-                                  std::size_t capacity) {
-  std::uint8_t payload[2];
-  write_u16_le(payload, id);
-  return write_ping_frame(kPingGeneralRequest, 0, device_id, payload, sizeof payload, out,
-                          capacity);
 }
 
 Ping1dConfig limited(Ping1dConfig config) {
@@ -65,54 +59,23 @@ Ping1dConfig limited(Ping1dConfig config) {
 }  // namespace
 
 Ping1dCodec::Ping1dCodec(const Ping1dConfig& config)
-    : config_(limited(config)), parser_(ping1d_table()) {}
-
-bool Ping1dCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::Ping& ping) {
-  parser_.feed(byte, t_arrival_us);
-  return next(ping);
-}
-
-bool Ping1dCodec::next(base::Ping& ping) {
-  PingFrame frame{};
-  while (parser_.next(frame)) {
-    if (take(frame, ping)) {
-      return true;
-    }
-  }
-  return false;
-}
-
-PingHeadCounters Ping1dCodec::counters() const {
-  PingHeadCounters all = counters_;
-  all.frames = parser_.counters();
-  return all;
-}
-
-void Ping1dCodec::restart() {
-  parser_.reset();
-  has_last_ = false;
-  begin_again();
-}
+    : PingHead(PingSession(ping1d_table(), PingDevice::kPing1d, config.device_id)),
+      config_(limited(config)) {}
 
 // --- What arrives ---
 
 bool Ping1dCodec::take(const PingFrame& frame, base::Ping& ping) {
-  if (config_.device_id != 0 && frame.source != config_.device_id) {
-    ++counters_.wrong_device;
-    return false;
-  }
   switch (frame.id) {
     case kDistance:
     case kProfile:
       return take_measurement(frame, ping);
     case kPingProtocolVersion:
-      std::memcpy(device_.protocol, frame.payload, sizeof device_.protocol);
       if (step_ == Step::kVersion) {
         advance();
       }
       return false;
     case kPingDeviceInformation:
-      take_device(frame);
+      take_device();
       return false;
     case kPingNack:
       take_nack(frame);
@@ -145,15 +108,15 @@ bool Ping1dCodec::wants_bins(const PingFrame& frame) const {
 
 bool Ping1dCodec::take_measurement(const PingFrame& frame, base::Ping& ping) {
   if (!plausible(frame)) {
-    ++counters_.bad_values;
+    ++session_.counters().bad_values;
     return false;
   }
-  watch(frame);
+  measured(frame);
   const bool repeated = has_last_ && std::memcmp(last_.data(), frame.payload, kFixed_bytes) == 0;
   std::memcpy(last_.data(), frame.payload, kFixed_bytes);
   has_last_ = true;
   if (repeated && config_.drop_repeats) {
-    ++counters_.repeats;
+    ++session_.counters().repeats;
     return false;
   }
 
@@ -172,7 +135,6 @@ bool Ping1dCodec::take_measurement(const PingFrame& frame, base::Ping& ping) {
   } else {
     take_range(frame.payload, ping);
   }
-  ++counters_.records;
   return true;
 }
 
@@ -210,14 +172,13 @@ void Ping1dCodec::take_profile(const std::uint8_t* payload, base::Ping& ping) {
   ping.profile.first_bin_um = start_um + (length_um + samples) / (2 * std::int64_t{samples});
 }
 
-void Ping1dCodec::watch(const PingFrame& frame) {
+void Ping1dCodec::measured(const PingFrame& frame) {
   if (step_ != Step::kRun) {
     return;
   }
-  silences_ = 0;
-  exchange_.answered();
+  session_.answered(true);
   if (config_.poll_interval_us == 0) {
-    exchange_.sent(frame.t_arrival_us, timeout_us());  // the next one comes by itself
+    session_.expect(frame.t_arrival_us, timeout_us());  // the next one comes by itself
   }
   // A device that lost its settings shows it by counting from the start, or by its scan.
   if (has_last_ && read_u32_le(frame.payload + 8) < read_u32_le(last_.data() + 8)) {
@@ -232,29 +193,18 @@ void Ping1dCodec::watch(const PingFrame& frame) {
   }
 }
 
-void Ping1dCodec::take_device(const PingFrame& frame) {
-  device_.device_type = frame.payload[0];
-  device_.device_revision = frame.payload[1];
-  std::memcpy(device_.firmware, frame.payload + 2, sizeof device_.firmware);
-  const bool ours = device_.device_type == static_cast<std::uint8_t>(PingDevice::kPing1d) ||
-                    device_.device_type == static_cast<std::uint8_t>(PingDevice::kUnknown);
-  if (!ours) {
-    // Left unanswered: asked again after the time-out, in case somebody plugs in the right one.
-    ++counters_.wrong_device;
-    return;
-  }
-  if (step_ == Step::kDevice) {
+void Ping1dCodec::take_device() {
+  // A wrong one is left unanswered: asked again after the time-out, in case somebody plugs in the right one.
+  if (session_.right_device() && step_ == Step::kDevice) {
     advance();
   }
 }
 
 void Ping1dCodec::take_nack(const PingFrame& frame) {
-  ++counters_.nacks;
-  // Old firmware does not know every question; settings show by their read-back.
-  const std::uint16_t id = read_u16_le(frame.payload);
+  // Settings show by their read-back.
   const bool refused_question =
-      (step_ == Step::kVersion && (id == kPingProtocolVersion || id == kPingGeneralRequest)) ||
-      (step_ == Step::kDevice && (id == kPingDeviceInformation || id == kPingGeneralRequest));
+      (step_ == Step::kVersion && PingSession::refuses(frame, kPingProtocolVersion)) ||
+      (step_ == Step::kDevice && PingSession::refuses(frame, kPingDeviceInformation));
   if (refused_question) {
     advance();
   }
@@ -274,9 +224,9 @@ void Ping1dCodec::take_setting(const PingFrame& frame) {
     return;
   }
   ++tries_;
-  exchange_.answered();
+  session_.answered(true);
   if (tries_ >= kMaxTries) {
-    ++counters_.refused_settings;
+    ++session_.counters().refused_settings;
     advance();
   }
 }
@@ -286,61 +236,63 @@ void Ping1dCodec::take_setting(const PingFrame& frame) {
 void Ping1dCodec::advance() {
   step_ = static_cast<Step>(static_cast<std::uint8_t>(step_) + 1);
   tries_ = 0;
-  silences_ = 0;
   mismatches_ = 0;
-  exchange_.answered();
+  session_.answered(true);
 }
 
 void Ping1dCodec::begin_again() {
-  ++counters_.restarts;
+  ++session_.counters().restarts;
   step_ = Step::kVersion;
   tries_ = 0;
-  silences_ = 0;
   mismatches_ = 0;
+  has_last_ = false;
   range_held_ = false;
-  exchange_.answered();
+  session_.answered(true);
 }
 
 void Ping1dCodec::give_up() {
-  ++counters_.timeouts;
   if (step_ == Step::kVersion) {
-    return;  // nobody there: there is nothing to begin again
-  }
-  ++silences_;
-  if (silences_ >= kMaxInARow) {
+    session_.forget_silences();  // nobody there: there is nothing to begin again
+  } else if (session_.silences() >= PingSession::kMaxInARow) {
     begin_again();
   }
 }
 
-bool Ping1dCodec::due(base::TimeUs now_us) {
-  const std::int64_t interval_us = config_.poll_interval_us;
-  if (step_ != Step::kRun || interval_us == 0) {
-    return true;
-  }
-  const std::int64_t wait_us = next_poll_us_ - now_us;
-  if (wait_us > interval_us || wait_us <= -interval_us) {
-    next_poll_us_ = now_us;  // late by a whole poll, or time went back: no burst, no silence
-  }
-  return now_us >= next_poll_us_;
-}
-
 std::size_t Ping1dCodec::request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity) {
-  if (exchange_.gave_up(now_us)) {
+  const PingAnswer answer = session_.watch(now_us);
+  if (answer == PingAnswer::kSilent) {
     give_up();
   }
-  if (exchange_.waiting() || capacity < kMaxRequest_bytes || !due(now_us)) {
+  if (answer != PingAnswer::kWaiting) {
+    session_.poll_again(now_us);
+  }
+  const bool polls = step_ == Step::kRun && config_.poll_interval_us > 0;
+  if (session_.waiting() || capacity < kMaxRequest_bytes ||
+      (polls && !session_.due(now_us, config_.poll_interval_us))) {
     return 0;
   }
-  exchange_.sent(now_us, timeout_us());
-  if (step_ == Step::kRun) {
-    next_poll_us_ += config_.poll_interval_us;
+  if (step_ == Step::kRun && !polls) {
+    session_.expect(now_us, timeout_us());
+  } else {
+    session_.asked(now_us, timeout_us());
+  }
+  if (polls) {
+    session_.polled(config_.poll_interval_us);
   }
   return write_step(out, capacity);
 }
 
 std::int64_t Ping1dCodec::timeout_us() const {
   // Two pings: the one under way and the one that was asked for.
-  return kTimeout_us + config_.poll_interval_us + 2 * travel_us(config_.max_range_um);
+  const std::int64_t listening_us = 2 * travel_us(config_.max_range_um);
+  if (step_ != Step::kRun || config_.poll_interval_us == 0) {
+    return kTimeout_us + config_.poll_interval_us + listening_us;
+  }
+  const std::int64_t answer_bytes =
+      std::int64_t{kPingOverhead_bytes + kFixed_bytes} + (config_.profile ? 2 + kUsualSamples : 0);
+  const std::int64_t byte_ns = config_.byte_time_ns > 0 ? config_.byte_time_ns : kUsualByte_ns;
+  return PingSession::kMargin_us + config_.poll_interval_us + listening_us +
+         answer_bytes * byte_ns / 1000;
 }
 
 std::uint32_t Ping1dCodec::scan_start_mm() const {
@@ -399,17 +351,15 @@ std::size_t Ping1dCodec::write_step(std::uint8_t* out, std::size_t capacity) con
       // An earlier host may have left it streaming.
       size =
           write_ping_frame(kContinuousStop, 0, device_id, payload, sizeof payload, out, capacity);
-      return size +
-             write_general_request(kPingProtocolVersion, device_id, out + size, capacity - size);
+      return size + session_.write_question(kPingProtocolVersion, out + size, capacity - size);
     case Step::kDevice:
-      return write_general_request(kPingDeviceInformation, device_id, out, capacity);
+      return session_.write_question(kPingDeviceInformation, out, capacity);
     case Step::kRun:
       if (config_.poll_interval_us == 0) {
         return write_ping_frame(kContinuousStart, 0, device_id, payload, sizeof payload, out,
                                 capacity);
       }
-      return write_general_request(config_.profile ? kProfile : kDistance, device_id, out,
-                                   capacity);
+      return session_.write_question(config_.profile ? kProfile : kDistance, out, capacity);
     case Step::kManual:
     case Step::kRange:
     case Step::kSoundSpeed:
@@ -421,7 +371,7 @@ std::size_t Ping1dCodec::write_step(std::uint8_t* out, std::size_t capacity) con
   const Setting wanted = setting();
   size =
       write_ping_frame(wanted.set_id, 0, device_id, wanted.value, wanted.set_bytes, out, capacity);
-  return size + write_general_request(wanted.read_id, device_id, out + size, capacity - size);
+  return size + session_.write_question(wanted.read_id, out + size, capacity - size);
 }
 
 std::int64_t Ping1dCodec::scaled_um(std::int64_t device_um) const {

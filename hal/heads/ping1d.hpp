@@ -62,36 +62,23 @@ struct Ping1dConfig {
 ///   that is no proof of free water
 /// * kProfile: intensities of a profile message, widened to 16 bits, as they are; quality 255; bins
 ///   are equal parts of the scan; t_receive_us is the end of listening, until a detector knows better
-class Ping1dCodec {
+class Ping1dCodec : public PingHead<Ping1dCodec> {
  public:
-  /// Largest request; a smaller buffer gets nothing.
-  static constexpr std::size_t kMaxRequest_bytes = 40;
-
   /// Values outside their range are limited to it.
   explicit Ping1dCodec(const Ping1dConfig& config);
 
-  /// Takes one byte; true when it completed a record. Take what else came with it by next():
-  ///   if (codec.feed(byte, t, ping)) { do { use(ping); } while (codec.next(ping)); }
-  /// Cost: PingParser::feed(), and O(samples) per profile. Spans point into the codec until the next call.
-  [[nodiscard]] bool feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::Ping& ping);
-  [[nodiscard]] bool next(base::Ping& ping);
-
   /// Bytes that the device is owed now: 0, or one whole request. To be called every cycle. Nothing is
-  /// sent while an answer is due. Start-up: protocol version, device information, then the settings,
+  /// sent while an answer is due (a damaged one is asked for again at once). Start-up: protocol version, device information, then the settings,
   /// each read back; from then on the poll. Settings that do not hold after three tries are counted and
   /// left. Five requests without an answer, a measurement number that goes back, and five measurements
   /// over another scan than the one that held start over.
   [[nodiscard]] std::size_t request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity);
 
-  /// The port was closed and opened again: forgets half a frame and starts over.
-  void restart();
-
   /// True once the settings are through and measurements are asked for.
   [[nodiscard]] bool running() const { return step_ == Step::kRun; }
-  [[nodiscard]] const PingDeviceInfo& device() const { return device_; }
-  [[nodiscard]] PingHeadCounters counters() const;
 
  private:
+  friend PingHead<Ping1dCodec>;
   /// In the order of the start-up.
   enum class Step : std::uint8_t {
     kVersion,
@@ -121,13 +108,12 @@ class Ping1dCodec {
   void take_range(const std::uint8_t* payload, base::Ping& ping) const;
   void take_profile(const std::uint8_t* payload, base::Ping& ping);
   void take_setting(const PingFrame& frame);
-  void take_device(const PingFrame& frame);
+  void take_device();
   void take_nack(const PingFrame& frame);
-  void watch(const PingFrame& frame);
+  void measured(const PingFrame& frame);
   void advance();
   void begin_again();
   void give_up();
-  [[nodiscard]] bool due(base::TimeUs now_us);
   [[nodiscard]] std::int64_t timeout_us() const;
   [[nodiscard]] std::uint32_t scan_start_mm() const;
   [[nodiscard]] std::uint32_t scan_length_mm() const;
@@ -135,16 +121,10 @@ class Ping1dCodec {
   [[nodiscard]] std::int64_t scaled_um(std::int64_t device_um) const;
 
   Ping1dConfig config_;
-  PingParser parser_;
-  PingExchange exchange_;
-  PingHeadCounters counters_{};
-  PingDeviceInfo device_{};
   Step step_ = Step::kVersion;
   std::uint8_t tries_ = 0;       ///< of the setting under way
-  std::uint8_t silences_ = 0;    ///< requests without an answer in a row
   std::uint8_t mismatches_ = 0;  ///< measurements in a row with another scan than the one that held
   bool range_held_ = false;      ///< the scan read back as set
-  base::TimeUs next_poll_us_ = 0;
   bool has_last_ = false;
   std::array<std::uint8_t, 24> last_{};  ///< fixed part of the last measurement
   std::array<std::uint16_t, kMaxPingSamples> intensity_{};

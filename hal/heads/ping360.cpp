@@ -32,7 +32,9 @@ constexpr std::int64_t kIdle_us = 30'000'000;
 constexpr std::int64_t kHomingTimeout_us = 4'500'000;
 constexpr std::int64_t kScanTimeout_us = 4'000'000;
 constexpr std::int64_t kMotor_us_grad = 6'000;  // 400 steps in 2.4 s
-constexpr std::uint8_t kMaxInARow = 5;
+constexpr std::uint8_t kMaxInARow = PingSession::kMaxInARow;
+constexpr std::size_t kDataFixed_bytes = kPingOverhead_bytes + 14;
+constexpr std::int64_t kUsualByte_ns = 86'806;  // 115200 baud
 
 constexpr std::int32_t turn_remainder(std::int32_t grad) {
   const std::int32_t rest = grad % kPing360Turn_grad;
@@ -86,49 +88,19 @@ Ping360Settings ping360_settings(std::int64_t range_um, std::int32_t sound_speed
 }
 
 Ping360Codec::Ping360Codec(const Ping360Config& config)
-    : config_(limited(config)),
+    : PingHead(PingSession(ping360_table(), PingDevice::kPing360, config.device_id)),
+      config_(limited(config)),
       settings_(
           ping360_settings(config_.max_range_um, config_.sound_speed_mm_s, config_.max_samples)),
-      span_grad_(turn_remainder(config_.scan_last_grad - config_.scan_first_grad)),
-      parser_(ping360_table()) {
+      span_grad_(turn_remainder(config_.scan_last_grad - config_.scan_first_grad)) {
   if (span_grad_ + config_.scan_step_grad >= kPing360Turn_grad) {
     span_grad_ = kPing360Turn_grad;
   }
 }
 
-bool Ping360Codec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::Ping& ping) {
-  parser_.feed(byte, t_arrival_us);
-  return next(ping);
-}
-
-bool Ping360Codec::next(base::Ping& ping) {
-  PingFrame frame{};
-  while (parser_.next(frame)) {
-    if (take(frame, ping)) {
-      return true;
-    }
-  }
-  return false;
-}
-
-PingHeadCounters Ping360Codec::counters() const {
-  PingHeadCounters all = counters_;
-  all.frames = parser_.counters();
-  return all;
-}
-
-void Ping360Codec::restart() {
-  parser_.reset();
-  begin_again();
-}
-
 // --- What arrives ---
 
 bool Ping360Codec::take(const PingFrame& frame, base::Ping& ping) {
-  if (config_.device_id != 0 && frame.source != config_.device_id) {
-    ++counters_.wrong_device;
-    return false;
-  }
   switch (frame.id) {
     case kDeviceData:
     case kAutoDeviceData:
@@ -140,13 +112,12 @@ bool Ping360Codec::take(const PingFrame& frame, base::Ping& ping) {
       take_nack(frame);
       return false;
     case kPingProtocolVersion:
-      std::memcpy(device_.protocol, frame.payload, sizeof device_.protocol);
       if (step_ == Step::kVersion) {
         advance(Step::kDevice);
       }
       return false;
     case kPingDeviceInformation:
-      take_device(frame);
+      take_device();
       return false;
     default:
       return false;
@@ -167,7 +138,7 @@ bool Ping360Codec::take_data(const PingFrame& frame, base::Ping& ping) {
                          frequency_khz >= kMinFrequency_khz && frequency_khz <= kMaxFrequency_khz &&
                          samples <= kMaxSamples && (data_count == 0 || data_count == samples);
   if (!plausible) {
-    ++counters_.bad_values;
+    ++session_.counters().bad_values;
     return false;
   }
   answered(frame, samples);
@@ -186,7 +157,7 @@ bool Ping360Codec::take_profile(const PingFrame& frame, std::size_t data_offset,
   const std::int64_t last = base::clamp<std::int64_t>(
       (config_.max_range_um - half_bin_um + bin_um) / bin_um, first, count);
   if (first == last) {
-    ++counters_.bad_values;  // settings of another range altogether
+    ++session_.counters().bad_values;  // settings of another range altogether
     return false;
   }
   for (std::int64_t i = first; i < last; ++i) {
@@ -207,7 +178,6 @@ bool Ping360Codec::take_profile(const PingFrame& frame, std::size_t data_offset,
   ping.profile.bin_um = static_cast<std::uint32_t>(bin_um);
   ping.profile.first_bin_um = half_bin_um + first * bin_um;
   ping.profile.bin_count = static_cast<std::uint16_t>(last - first);
-  ++counters_.records;
   return true;
 }
 
@@ -220,20 +190,20 @@ void Ping360Codec::answered(const PingFrame& frame, std::uint16_t samples) {
   }
   if (step_ == Step::kPoll) {
     // An answer to an older request leaves the younger one waiting.
-    if (exchange_.waiting() && angle_grad_ == beam_grad()) {
-      exchange_.answered();
-      silences_ = 0;
+    if (session_.waiting() && angle_grad_ == beam_grad()) {
+      session_.answered(true);
       next_beam();
     }
     return;
   }
-  exchange_.sent(frame.t_arrival_us, timeout_us(frame.t_arrival_us));  // the next comes by itself
+  session_.answered(true);
+  session_.expect(frame.t_arrival_us, timeout_us(frame.t_arrival_us));  // the next comes by itself
   mismatches_ =
       holds(frame.payload, samples) ? std::uint8_t{0} : static_cast<std::uint8_t>(mismatches_ + 1);
   if (mismatches_ >= kMaxInARow) {
-    ++counters_.refused_settings;
+    ++session_.counters().refused_settings;
     mismatches_ = 0;
-    exchange_.answered();
+    session_.answered(true);
   }
 }
 
@@ -252,35 +222,23 @@ void Ping360Codec::take_ack(const PingFrame& frame) {
 }
 
 void Ping360Codec::take_nack(const PingFrame& frame) {
-  ++counters_.nacks;
-  // Old firmware does not know every question. A refused beam is left to its time-out.
-  const std::uint16_t id = read_u16_le(frame.payload);
-  if (step_ == Step::kStop && id == kMotorOff) {
+  // A refused beam is left to its time-out.
+  if (step_ == Step::kStop && read_u16_le(frame.payload) == kMotorOff) {
     advance(Step::kVersion);
-  } else if (step_ == Step::kVersion && (id == kPingProtocolVersion || id == kPingGeneralRequest)) {
+  } else if (step_ == Step::kVersion && PingSession::refuses(frame, kPingProtocolVersion)) {
     advance(Step::kDevice);
-  } else if (step_ == Step::kDevice &&
-             (id == kPingDeviceInformation || id == kPingGeneralRequest)) {
+  } else if (step_ == Step::kDevice && PingSession::refuses(frame, kPingDeviceInformation)) {
     advance(Step::kPoll);
   }
 }
 
-void Ping360Codec::take_device(const PingFrame& frame) {
-  device_.device_type = frame.payload[0];
-  device_.device_revision = frame.payload[1];
-  std::memcpy(device_.firmware, frame.payload + 2, sizeof device_.firmware);
-  const bool ours = device_.device_type == static_cast<std::uint8_t>(PingDevice::kPing360) ||
-                    device_.device_type == static_cast<std::uint8_t>(PingDevice::kUnknown);
-  if (!ours) {
-    // Left unanswered: asked again after the time-out, in case somebody plugs in the right one.
-    ++counters_.wrong_device;
+void Ping360Codec::take_device() {
+  // A wrong one is left unanswered: asked again after the time-out, in case somebody plugs in the right one.
+  if (!session_.right_device() || step_ != Step::kDevice) {
     return;
   }
-  if (step_ != Step::kDevice) {
-    return;
-  }
-  const std::int32_t version =
-      (device_.firmware[0] << 16) | (device_.firmware[1] << 8) | device_.firmware[2];
+  const std::uint8_t(&firmware)[3] = session_.device().firmware;
+  const std::int32_t version = (firmware[0] << 16) | (firmware[1] << 8) | firmware[2];
   const bool scans_itself = version > 0x030300;
   advance(config_.poll_interval_us == 0 && scans_itself ? Step::kAuto : Step::kPoll);
 }
@@ -289,25 +247,22 @@ void Ping360Codec::take_device(const PingFrame& frame) {
 
 void Ping360Codec::advance(Step step) {
   step_ = step;
-  silences_ = 0;
   mismatches_ = 0;
-  exchange_.answered();
+  session_.answered(true);
 }
 
 void Ping360Codec::begin_again() {
-  ++counters_.restarts;
+  ++session_.counters().restarts;
   has_angle_ = false;
   advance(Step::kStop);
 }
 
 void Ping360Codec::give_up() {
-  ++counters_.timeouts;
-  ++silences_;
   if (step_ == Step::kAuto) {
     begin_again();
     return;
   }
-  if (silences_ < kMaxInARow) {
+  if (session_.silences() < kMaxInARow) {
     return;
   }
   if (step_ == Step::kStop) {
@@ -342,28 +297,26 @@ void Ping360Codec::next_beam() {
   offset_grad_ = next < 0 || next > span_grad_ ? 0 : next;
 }
 
-bool Ping360Codec::due(base::TimeUs now_us) {
-  const std::int64_t interval_us = config_.poll_interval_us;
-  if (step_ != Step::kPoll || interval_us == 0) {
-    return true;
-  }
-  const std::int64_t wait_us = next_poll_us_ - now_us;
-  if (wait_us > interval_us || wait_us <= -interval_us) {
-    next_poll_us_ = now_us;  // late by a whole poll, or time went back: no burst, no silence
-  }
-  return now_us >= next_poll_us_;
-}
-
 std::size_t Ping360Codec::request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity) {
-  if (exchange_.gave_up(now_us)) {
+  const PingAnswer answer = session_.watch(now_us);
+  if (answer == PingAnswer::kSilent) {
     give_up();
   }
-  if (exchange_.waiting() || capacity < kMaxRequest_bytes || !due(now_us)) {
+  if (answer != PingAnswer::kWaiting) {
+    session_.poll_again(now_us);
+  }
+  const bool polls = step_ == Step::kPoll && config_.poll_interval_us > 0;
+  if (session_.waiting() || capacity < kMaxRequest_bytes ||
+      (polls && !session_.due(now_us, config_.poll_interval_us))) {
     return 0;
   }
-  exchange_.sent(now_us, timeout_us(now_us));
-  if (step_ == Step::kPoll) {
-    next_poll_us_ += config_.poll_interval_us;
+  if (step_ == Step::kAuto) {
+    session_.expect(now_us, timeout_us(now_us));
+  } else {
+    session_.asked(now_us, timeout_us(now_us));
+  }
+  if (polls) {
+    session_.polled(config_.poll_interval_us);
   }
   return write_step(out, capacity);
 }
@@ -383,28 +336,26 @@ std::int64_t Ping360Codec::timeout_us(base::TimeUs now_us) const {
   }
   const std::int32_t turn = turn_remainder(beam_grad() - angle_grad_);
   const std::int32_t shorter = base::min_of(turn, kPing360Turn_grad - turn);
-  return kCommandTimeout_us + listen_us + shorter * kMotor_us_grad;
+  const std::int64_t answer_bytes = std::int64_t{kDataFixed_bytes} + settings_.number_of_samples;
+  const std::int64_t byte_ns = config_.byte_time_ns > 0 ? config_.byte_time_ns : kUsualByte_ns;
+  return PingSession::kMargin_us + listen_us + shorter * kMotor_us_grad +
+         answer_bytes * byte_ns / 1000;
 }
 
 std::size_t Ping360Codec::write_step(std::uint8_t* out, std::size_t capacity) const {
-  const std::uint8_t device_id = config_.device_id;
-  std::uint8_t payload[2];
   switch (step_) {
     case Step::kStop:
-      return write_ping_frame(kMotorOff, 0, device_id, nullptr, 0, out, capacity);
+      return write_ping_frame(kMotorOff, 0, config_.device_id, nullptr, 0, out, capacity);
     case Step::kVersion:
-      write_u16_le(payload, kPingProtocolVersion);
-      break;
+      return session_.write_question(kPingProtocolVersion, out, capacity);
     case Step::kDevice:
-      write_u16_le(payload, kPingDeviceInformation);
-      break;
+      return session_.write_question(kPingDeviceInformation, out, capacity);
     case Step::kPoll:
       return write_beam(out, capacity);
     case Step::kAuto:
       return write_scan(out, capacity);
   }
-  return write_ping_frame(kPingGeneralRequest, 0, device_id, payload, sizeof payload, out,
-                          capacity);
+  return 0;
 }
 
 std::size_t Ping360Codec::write_beam(std::uint8_t* out, std::size_t capacity) const {

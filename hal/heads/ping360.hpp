@@ -74,17 +74,10 @@ struct Ping360Settings {
 
 /// Bytes to pings (kProfile, quality 255, intensities widened to 16 bits as they are), and the requests
 /// that keep the head scanning. One object per port; not reentrant. No heap, no clock. About 9 KiB.
-class Ping360Codec {
+class Ping360Codec : public PingHead<Ping360Codec> {
  public:
-  /// Largest request; a smaller buffer gets nothing.
-  static constexpr std::size_t kMaxRequest_bytes = 40;
-
   /// Values outside their range are limited to it.
   explicit Ping360Codec(const Ping360Config& config);
-
-  /// As Ping1dCodec::feed() and next().
-  [[nodiscard]] bool feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::Ping& ping);
-  [[nodiscard]] bool next(base::Ping& ping);
 
   /// Bytes that the head is owed now: 0, or one whole request. To be called every cycle. Start-up: motor
   /// off (ends a scan that an earlier host left running), protocol version, device information; then
@@ -92,15 +85,11 @@ class Ping360Codec {
   /// scan) starts over; five frames in a row with other settings ask for the scan again.
   [[nodiscard]] std::size_t request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity);
 
-  /// The port was closed and opened again: forgets half a frame and starts over.
-  void restart();
-
   [[nodiscard]] bool running() const { return step_ == Step::kPoll || step_ == Step::kAuto; }
-  [[nodiscard]] const PingDeviceInfo& device() const { return device_; }
   [[nodiscard]] const Ping360Settings& settings() const { return settings_; }
-  [[nodiscard]] PingHeadCounters counters() const;
 
  private:
+  friend PingHead<Ping360Codec>;
   enum class Step : std::uint8_t { kStop, kVersion, kDevice, kPoll, kAuto };
 
   [[nodiscard]] bool take(const PingFrame& frame, base::Ping& ping);
@@ -109,14 +98,13 @@ class Ping360Codec {
                                   base::Ping& ping);
   void answered(const PingFrame& frame, std::uint16_t samples);
   [[nodiscard]] bool holds(const std::uint8_t* payload, std::uint16_t samples) const;
-  void take_device(const PingFrame& frame);
+  void take_device();
   void take_ack(const PingFrame& frame);
   void take_nack(const PingFrame& frame);
   void advance(Step step);
   void begin_again();
   void give_up();
   void next_beam();
-  [[nodiscard]] bool due(base::TimeUs now_us);
   [[nodiscard]] std::int32_t beam_grad() const;
   [[nodiscard]] std::int64_t timeout_us(base::TimeUs now_us) const;
   [[nodiscard]] std::size_t write_step(std::uint8_t* out, std::size_t capacity) const;
@@ -126,19 +114,13 @@ class Ping360Codec {
   Ping360Config config_;
   Ping360Settings settings_;
   std::int32_t span_grad_ = 0;  ///< of the sector; 400: full turn
-  PingParser parser_;
-  PingExchange exchange_;
-  PingHeadCounters counters_{};
-  PingDeviceInfo device_{};
   Step step_ = Step::kStop;
-  std::uint8_t silences_ = 0;     ///< requests without an answer in a row
   std::uint8_t mismatches_ = 0;   ///< frames in a row with other settings
   std::int32_t offset_grad_ = 0;  ///< of the next beam from the sector's first
   bool backwards_ = false;
   bool has_angle_ = false;  ///< where the head stands is known
   std::int32_t angle_grad_ = 0;
   base::TimeUs t_heard_us_ = 0;  ///< last data
-  base::TimeUs next_poll_us_ = 0;
   std::array<std::uint16_t, kMaxPingSamples> intensity_{};
 };
 

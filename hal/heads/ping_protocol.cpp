@@ -125,100 +125,54 @@ std::size_t write_ping_frame(std::uint16_t id, std::uint8_t source, std::uint8_t
   return checked_bytes + 2;
 }
 
-void PingParser::feed(std::uint8_t byte, base::TimeUs t_arrival_us) {
-  ++counters_.bytes;
-  if (begin_ == end_) {
-    begin_ = 0;
-    end_ = 0;
-    pause_at_ = 0;
-  } else if (t_arrival_us - last_arrival_us_ > kMaxGap_us) {
-    pause_at_ = end_;
-  }
-  make_room();
-  bytes_[end_] = byte;
-  arrival_low_us_[end_] = static_cast<std::uint32_t>(t_arrival_us);
-  ++end_;
-  last_arrival_us_ = t_arrival_us;
-}
-
 bool PingParser::next(PingFrame& frame) {
-  while (begin_ < end_) {
-    switch (judge()) {
-      case Verdict::kIncomplete:
-        return false;
-      case Verdict::kReject:
-        skip(1);
-        break;
-      case Verdict::kFrame: {
-        const std::uint8_t* start = bytes_.data() + begin_;
-        frame.id = read_u16_le(start + 4);
-        frame.source = start[6];
-        frame.destination = start[7];
-        frame.payload = start + kPingHeader_bytes;
-        frame.payload_bytes = read_u16_le(start + 2);
-        begin_ += frame.payload_bytes + kPingOverhead_bytes;
-        frame.t_arrival_us = arrival_of(begin_ - 1);
-        ++counters_.frames;
-        return true;
-      }
-    }
+  FrameBytes found{};
+  const auto rules = [this](const std::uint8_t* bytes, std::size_t available) {
+    return judge(bytes, available);
+  };
+  if (!framer_.next(rules, counters_, found)) {
+    return false;
   }
-  return false;
+  frame.id = read_u16_le(found.data + 4);
+  frame.source = found.data[6];
+  frame.destination = found.data[7];
+  frame.payload = found.data + kPingHeader_bytes;
+  frame.payload_bytes = read_u16_le(found.data + 2);
+  frame.t_arrival_us = found.t_arrival_us;
+  return true;
 }
 
-void PingParser::reset() {
-  skip(end_ - begin_);
-  begin_ = 0;
-  end_ = 0;
-  pause_at_ = 0;
-}
-
-PingParser::Verdict PingParser::incomplete(bool paused, bool looked_right) {
-  if (!paused) {
-    return Verdict::kIncomplete;
-  }
-  counters_.gaps += looked_right ? 1U : 0U;
-  return Verdict::kReject;
-}
-
-PingParser::Verdict PingParser::judge() {
-  const std::uint8_t* start = bytes_.data() + begin_;
-  const bool paused = pause_at_ > begin_;
-  const std::size_t available = (paused ? pause_at_ : end_) - begin_;
-  if (start[0] != 'B' || (available > 1 && start[1] != 'R')) {
-    return Verdict::kReject;
+Judgement PingParser::judge(const std::uint8_t* bytes, std::size_t available) const {
+  if (bytes[0] != 'B' || (available > 1 && bytes[1] != 'R')) {
+    return {FrameVerdict::kNoStart, 0};
   }
   if (available < kPingHeader_bytes) {
-    return incomplete(paused, available > 1);
+    return {FrameVerdict::kMore, 0};
   }
-  const PingMessage* message = find(read_u16_le(start + 4));
+  const PingMessage* message = find(read_u16_le(bytes + 4));
   if (message == nullptr) {
-    ++counters_.unknown_id;
-    return Verdict::kReject;
+    return {FrameVerdict::kUnknownId, 0};
   }
-  const std::size_t payload_bytes = read_u16_le(start + 2);
+  const std::size_t payload_bytes = read_u16_le(bytes + 2);
   if (payload_bytes < message->min_bytes || payload_bytes > message->max_bytes) {
-    ++counters_.bad_length;
-    return Verdict::kReject;
+    return {FrameVerdict::kBadLength, 0};
   }
   const std::size_t checked_bytes = kPingHeader_bytes + payload_bytes;
   if (available < checked_bytes + 2) {
-    return incomplete(paused, true);
+    return {FrameVerdict::kMore, 0};
   }
-  if (ping_checksum(start, checked_bytes) != read_u16_le(start + checked_bytes)) {
-    ++counters_.bad_checksum;
-    return Verdict::kReject;
+  if (ping_checksum(bytes, checked_bytes) != read_u16_le(bytes + checked_bytes)) {
+    return {FrameVerdict::kBadChecksum, 0};
   }
   const std::size_t counted_bytes =
       message->count_offset == 0
           ? payload_bytes
           : message->count_offset + 2U +
-                read_u16_le(start + kPingHeader_bytes + message->count_offset);
+                read_u16_le(bytes + kPingHeader_bytes + message->count_offset);
   if (counted_bytes != payload_bytes) {
-    ++counters_.bad_length;
-    return Verdict::kReject;
+    return {FrameVerdict::kBadLength, 0};
   }
-  return Verdict::kFrame;
+  return {FrameVerdict::kFrame, checked_bytes + 2};
 }
 
 const PingMessage* PingParser::find(std::uint16_t id) const {
@@ -228,34 +182,6 @@ const PingMessage* PingParser::find(std::uint16_t id) const {
     }
   }
   return nullptr;
-}
-
-base::TimeUs PingParser::arrival_of(std::size_t index) const {
-  const std::uint32_t age_us =
-      static_cast<std::uint32_t>(last_arrival_us_) - arrival_low_us_[index];
-  return last_arrival_us_ - static_cast<base::TimeUs>(age_us);
-}
-
-void PingParser::skip(std::size_t count) {
-  begin_ += count;
-  counters_.skipped_bytes += static_cast<std::uint32_t>(count);
-}
-
-// A frame never outgrows the buffer, so what is in front of it is what makes the buffer full.
-void PingParser::make_room() {
-  if (end_ < bytes_.size()) {
-    return;
-  }
-  if (begin_ == 0) {
-    skip(1);
-  }
-  const std::size_t kept = end_ - begin_;
-  std::memmove(bytes_.data(), bytes_.data() + begin_, kept);
-  std::memmove(arrival_low_us_.data(), arrival_low_us_.data() + begin_,
-               kept * sizeof(arrival_low_us_[0]));
-  pause_at_ = pause_at_ > begin_ ? pause_at_ - begin_ : 0;
-  begin_ = 0;
-  end_ = kept;
 }
 
 }  // namespace leadline::hal

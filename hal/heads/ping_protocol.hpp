@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "hal/codec.hpp"
 #include "model/base/units.hpp"
 
 namespace leadline::hal {
@@ -65,18 +66,6 @@ struct PingTable {
                                            std::size_t payload_bytes, std::uint8_t* out,
                                            std::size_t capacity_bytes);
 
-/// What a parser has seen since it was made. Never decremented; wraps at 2^32. At any time
-/// bytes = bytes of delivered frames + skipped_bytes + buffered_bytes().
-struct PingCounters {
-  std::uint32_t bytes;          ///< fed
-  std::uint32_t frames;         ///< delivered
-  std::uint32_t skipped_bytes;  ///< belong to no delivered frame
-  std::uint32_t bad_checksum;   ///< complete, but the sum does not match
-  std::uint32_t bad_length;     ///< the device's message, with a length that it never has
-  std::uint32_t unknown_id;     ///< no message of this device
-  std::uint32_t gaps;           ///< the line fell silent inside a frame
-};
-
 /// A frame inside the parser's buffer: valid until the next call of feed(), next() or reset().
 struct PingFrame {
   std::uint16_t id;
@@ -87,11 +76,7 @@ struct PingFrame {
   base::TimeUs t_arrival_us;  ///< of the frame's last byte
 };
 
-/// Finds frames in a stream that may lose, repeat or change any byte. A start that turns out wrong
-/// costs one byte: the search goes on behind it over what is already there, so a damaged frame takes
-/// no intact one with it. A frame found late keeps the arrival time of its own last byte.
-///
-/// Use: feed() a byte, then take frames with next() until it returns false.
+/// A hal::Framer with the protocol's rules, for one device's table.
 ///
 /// O(1) per byte for a clean stream. Each wrong start that looks right (both letters, id and length)
 /// costs one sum over at most kMaxPingFrame_bytes; such starts are six bytes apart or more, so that is
@@ -104,36 +89,26 @@ class PingParser {
 
   explicit PingParser(PingTable table) : table_(table) {}
 
-  /// Takes one byte. Arrival times should not go back; where they do, a frame found late may carry a
-  /// wrong one, nothing else. When the caller has let the buffer fill up without asking next(), the
-  /// oldest byte is skipped.
-  void feed(std::uint8_t byte, base::TimeUs t_arrival_us);
-  /// The next complete frame, if there is one; `frame` is left alone otherwise.
+  /// As Framer's.
+  void feed(std::uint8_t byte, base::TimeUs t_arrival_us) {
+    framer_.feed(byte, t_arrival_us, counters_);
+  }
   [[nodiscard]] bool next(PingFrame& frame);
-  /// Forgets what is buffered (port closed and opened again); counted as skipped.
-  void reset();
+  void pause() { framer_.pause(); }
+  void reset() { framer_.reset(counters_); }
+  [[nodiscard]] std::size_t buffered_bytes() const { return framer_.buffered_bytes(); }
 
-  [[nodiscard]] std::size_t buffered_bytes() const { return end_ - begin_; }
-  [[nodiscard]] const PingCounters& counters() const { return counters_; }
+  /// The framer's; whoever takes the frames counts what becomes of them in here, too.
+  [[nodiscard]] CodecCounters& counters() { return counters_; }
+  [[nodiscard]] const CodecCounters& counters() const { return counters_; }
 
  private:
-  enum class Verdict : std::uint8_t { kIncomplete, kFrame, kReject };
-
-  [[nodiscard]] Verdict judge();
+  [[nodiscard]] Judgement judge(const std::uint8_t* bytes, std::size_t available) const;
   [[nodiscard]] const PingMessage* find(std::uint16_t id) const;
-  [[nodiscard]] base::TimeUs arrival_of(std::size_t index) const;
-  [[nodiscard]] Verdict incomplete(bool paused, bool looked_right);
-  void skip(std::size_t count);
-  void make_room();
 
   PingTable table_;
-  std::array<std::uint8_t, kMaxPingFrame_bytes> bytes_{};
-  std::array<std::uint32_t, kMaxPingFrame_bytes> arrival_low_us_{};  ///< modulo 2^32
-  base::TimeUs last_arrival_us_ = 0;
-  std::size_t begin_ = 0;  ///< first byte not yet delivered or skipped
-  std::size_t end_ = 0;
-  std::size_t pause_at_ = 0;  ///< the line was silent before this byte: no frame reaches across
-  PingCounters counters_{};
+  Framer<kMaxPingFrame_bytes> framer_{kMaxGap_us};
+  CodecCounters counters_{};
 };
 
 }  // namespace leadline::hal

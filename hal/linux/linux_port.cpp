@@ -75,6 +75,11 @@ class FilePort final : public StreamPort {
   bool at_end_ = false;
 };
 
+std::string parent_of(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  return slash == std::string::npos ? "." : path.substr(0, slash + 1);
+}
+
 PortResult refuse(const std::string& why) { return {nullptr, why}; }
 
 PortResult make_socket_port(const UriSpec& spec) {
@@ -107,6 +112,32 @@ PortResult make_socket_port(const UriSpec& spec) {
 }
 
 }  // namespace
+
+std::string device_problem(const UriSpec& spec, FileUse use, bool may_be_missing) {
+  const bool serial = spec.scheme == UriScheme::kSerial;
+  if (!serial && spec.scheme != UriScheme::kFile) {
+    return "";
+  }
+  const std::string quoted = "\"" + uri_text(spec) + "\": ";
+  struct stat info {};
+  if (::stat(spec.path.c_str(), &info) != 0) {
+    const bool missing = errno == ENOENT || errno == ENOTDIR;
+    const std::string why = quoted + std::strerror(errno);
+    if (!missing) {
+      return why;
+    }
+    if (!serial && use == FileUse::kWrite) {
+      const std::string folder = parent_of(spec.path);
+      const bool there = ::stat(folder.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
+      return there ? "" : quoted + "there is no folder " + folder;
+    }
+    return may_be_missing ? "" : why;
+  }
+  if (S_ISDIR(info.st_mode)) {
+    return quoted + "is a folder";
+  }
+  return serial && !S_ISCHR(info.st_mode) ? quoted + "is no serial device" : "";
+}
 
 PortResult make_port(const UriSpec& spec, FileUse file_use) {
   PortResult result;

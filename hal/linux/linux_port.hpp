@@ -49,6 +49,11 @@ class LinuxPort : public BytePort {
 /// What a file: is for. Other schemes go both ways.
 enum class FileUse : std::uint8_t { kRead, kWrite };
 
+/// Why a path can never be the device that its URI says, or (unless `may_be_missing`) is not there: a sentence
+/// that names the URI, to be said when a program starts. Empty: nothing to say, and always so of sockets.
+/// A file to be written may be missing, its folder may not.
+[[nodiscard]] std::string device_problem(const UriSpec& spec, FileUse use, bool may_be_missing);
+
 /// A port, or why there is none.
 struct PortResult {
   std::unique_ptr<LinuxPort> port;

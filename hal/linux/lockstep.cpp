@@ -244,9 +244,16 @@ LockstepStatus LockstepClient::answer(base::TimeUs t_us, const LockstepCounts& r
 // ---- Emulator -----------------------------------------------------------------------------------
 
 LockstepServer::~LockstepServer() {
-  if (listen_fd_ >= 0) {
-    ::close(listen_fd_);
-    ::unlink(path_.c_str());
+  if (listen_fd_ < 0) {
+    return;
+  }
+  ::close(listen_fd_);
+  // Only what listen() made: somebody may have put something else there since.
+  struct stat info {};
+  const bool ours = ::lstat(path_.c_str(), &info) == 0 && S_ISSOCK(info.st_mode) &&
+                    info.st_dev == device_ && info.st_ino == inode_;
+  if (ours) {
+    (void)::unlink(path_.c_str());  // one that stays is stale: the next listen() replaces it
   }
 }
 
@@ -273,9 +280,12 @@ bool LockstepServer::listen(const std::string& path) {
   if (!bound) {
     return failed(fd);
   }
-  if (::listen(fd, 1) != 0) {
+  struct stat info {};
+  if (::listen(fd, 1) != 0 || ::lstat(path.c_str(), &info) != 0) {
     return failed(fd);
   }
+  device_ = info.st_dev;
+  inode_ = info.st_ino;
   listen_fd_ = fd;
   path_ = path;
   return true;

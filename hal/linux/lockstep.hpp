@@ -20,6 +20,8 @@
 #include <cstdint>
 #include <string>
 
+#include <sys/types.h>
+
 #include "model/base/units.hpp"
 
 namespace leadline::hal {
@@ -90,7 +92,7 @@ class LockstepClient {
   std::string error_;
 };
 
-/// The emulator's side. The socket file is removed with the object.
+/// The emulator's side. The socket file is removed with the object, if it is still the one it made.
 class LockstepServer {
  public:
   LockstepServer() = default;
@@ -117,6 +119,8 @@ class LockstepServer {
  private:
   LockstepChannel channel_;
   int listen_fd_ = -1;
+  dev_t device_ = 0;  ///< of the socket file
+  ino_t inode_ = 0;
   std::string path_;
   base::TimeUs last_t_us_ = 0;
   LockstepCounts last_requested_;

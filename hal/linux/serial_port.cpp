@@ -5,6 +5,8 @@
 #include <utility>
 
 #include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -43,14 +45,32 @@ bool make_raw(int fd, std::uint32_t baud) {
   return false;
 }
 
+namespace {
+
+/// A pty holds what its other end wrote and nothing else: there is no noise of plugging in, nothing stale.
+bool is_pty(int fd) {
+  constexpr unsigned kFirstPtyMajor = 136;
+  constexpr unsigned kLastPtyMajor = 143;
+  struct stat info {};
+  if (::fstat(fd, &info) != 0 || !S_ISCHR(info.st_mode)) {
+    return false;
+  }
+  return major(info.st_rdev) >= kFirstPtyMajor && major(info.st_rdev) <= kLastPtyMajor;
+}
+
+}  // namespace
+
 StreamPort::OpenResult SerialPort::open_now() {
-  // What has arrived before is kept: it may be all that a device ever says.
   const int fd = ::open(path_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0) {
     return OpenResult::kFailed;
   }
   adopt(fd);
-  return make_raw(fd, baud_) ? OpenResult::kOpen : OpenResult::kFailed;
+  if (!make_raw(fd, baud_)) {
+    return OpenResult::kFailed;
+  }
+  // What came before, at another rate or from before the plug was pulled, has no time and may be garbage.
+  return is_pty(fd) || tcflush(fd, TCIFLUSH) == 0 ? OpenResult::kOpen : OpenResult::kFailed;
 }
 
 }  // namespace leadline::hal

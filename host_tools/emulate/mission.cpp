@@ -208,6 +208,9 @@ void add_faults(Settings* settings) {
                        table.parse_count<std::uint32_t>("link_rate_bytes_s", text);
                  },
                  [](const Mission& mission) { return std::to_string(mission.link_rate_bytes_s); }});
+  settings->decimal(
+      "link_max_tile_age_s", "changes wait so long for others, stated in vehicle.toml",
+      [](auto& m) -> auto& { return m.link_max_tile_age_s; });
 }
 
 const Settings& settings_table() {

@@ -81,6 +81,7 @@ struct Mission {
   double settle_s = 12.0;           ///< after the survey the heads are off and the link catches up
   /// Slower than the map changes: changes wait, and go out many to a packet.
   std::uint32_t link_rate_bytes_s = 200;
+  double link_max_tile_age_s = 1.5;
 };
 
 /// What `emulate` and `simulate` take alike.

@@ -77,8 +77,10 @@ class Flight {
     for (const std::vector<std::uint8_t>& table : tables) {
       blocks.push_back({table.data(), table.size()});
     }
-    must(firmware::log_begin(writer_, vehicle_->config(), blocks.data(), blocks.size(), 0, 0));
-    flush();
+    for (int copy = 0; copy < firmware::kLogPreambleCopies; ++copy) {
+      must(firmware::log_begin(writer_, vehicle_->config(), blocks.data(), blocks.size(), 0, 0));
+      flush();
+    }
   }
 
   void flush() {
@@ -134,6 +136,10 @@ class Flight {
       cycle();
     }
     summary_.drained = vehicle_->drained();
+    const firmware::VehicleCounters& counters = vehicle_->counters();
+    summary_.mean_cell_wait_s =
+        1e-3 * static_cast<double>(counters.cell_wait_ms) /
+        static_cast<double>(std::max<std::uint64_t>(counters.cells_changed, 1));
   }
 
   struct Heard {
@@ -168,17 +174,20 @@ MissionLinks simulated_links(const Mission& mission) {
 std::string summary_json(const Fleet& fleet, const FlightSummary& flight, const Receiver& receiver,
                          std::uint64_t log_bytes) {
   const bool equal =
-      receiver.store() != nullptr && receiver.store()->link_hash() == flight.end.link_hash;
+      receiver.store() != nullptr && receiver.store()->cells_hash() == flight.end.cells_hash;
   std::string text = fleet_summary_json(fleet, flight.flown_us);
   text.resize(text.rfind("\n}"));
-  text += ",\n  \"cycles\": " + std::to_string(flight.cycles) +
-          ",\n  \"pings_in\": " + std::to_string(flight.end.pings_in) +
-          ",\n  \"pings_fused\": " + std::to_string(flight.end.pings_fused) +
-          ",\n  \"drained\": " + (flight.drained ? "true" : "false") +
-          ",\n  \"topside_equals_vehicle\": " + (equal ? "true" : "false") +
-          ",\n  \"bytes_per_changed_cell\": " + json_number(receiver.bytes_per_changed_cell()) +
-          ",\n  \"downlink_bytes\": " + std::to_string(flight.end.downlink_bytes) +
-          ",\n  \"log_bytes\": " + std::to_string(log_bytes) + "\n}\n";
+  text +=
+      ",\n  \"cycles\": " + std::to_string(flight.cycles) +
+      ",\n  \"pings_in\": " + std::to_string(flight.end.pings_in) +
+      ",\n  \"pings_fused\": " + std::to_string(flight.end.pings_fused) +
+      ",\n  \"drained\": " + (flight.drained ? "true" : "false") +
+      ",\n  \"topside_equals_vehicle\": " + (equal ? "true" : "false") +
+      ",\n  \"bytes_per_changed_cell\": " + json_number(receiver.bytes_per_changed_cell()) +
+      ",\n  \"bytes_per_changed_cell_all\": " + json_number(receiver.bytes_per_changed_cell_all()) +
+      ",\n  \"mean_cell_wait_s\": " + json_number(flight.mean_cell_wait_s) +
+      ",\n  \"downlink_bytes\": " + std::to_string(flight.end.downlink_bytes) +
+      ",\n  \"log_bytes\": " + std::to_string(log_bytes) + "\n}\n";
   return text;
 }
 

@@ -32,7 +32,8 @@ struct FlightSinks {
 struct FlightSummary {
   base::TimeUs flown_us = 0;
   std::uint64_t cycles = 0;
-  bool drained = false;  ///< all changes had left when it ended
+  double mean_cell_wait_s = 0.0;  ///< of a changed cell, from the change to its frame
+  bool drained = false;           ///< all changes had left when it ended
   proto::LogEnd end{};
 };
 

@@ -86,12 +86,13 @@ std::string mount_text(const HeadSpec& head) {
 }
 
 std::string head_port_text(const Mission& mission, const HeadSpec& head, const std::string& uri) {
-  std::string text = "[[port]]\nuri = " + quoted(uri) + "\nmount = " + quoted(head.name) +
-                     "\nlatency_ms = " + tenths(head_latency_ms(mission, head)) +
-                     "\nmin_range_mm = " + millimetres(head.min_range_m) +
-                     "\nmax_range_mm = " + millimetres(head.max_range_m) +
-                     "\ninterval_ms = " + number_text(std::floor(head.interval_s * 1e3 + 0.5)) +
-                     "\n";
+  std::string text =
+      "[[port]]\nuri = " + quoted(uri) + "\nmount = " + quoted(head.name) +
+      "\nlatency_ms = " + tenths(head_latency_ms(mission, head)) +
+      // The whole transfer stands in the latency; what emulated heads send is energy.
+      "\nbyte_time_ns = 0\nintensity = \"energy\"\nmin_range_mm = " +
+      millimetres(head.min_range_m) + "\nmax_range_mm = " + millimetres(head.max_range_m) +
+      "\ninterval_ms = " + number_text(std::floor(head.interval_s * 1e3 + 0.5)) + "\n";
   if (head.kind == HeadKind::kPing1d) {
     text += "driver = \"ping1d\"\n";
     text += mission.profile ? "profile = true\n" : "";
@@ -103,7 +104,7 @@ std::string head_port_text(const Mission& mission, const HeadSpec& head, const s
 }
 
 std::string nmea_port_text(const std::string& uri, std::int64_t latency_us, int bytes) {
-  return "[[port]]\nuri = " + quoted(uri) + "\ndriver = \"nmea\"\nlatency_ms = " +
+  return "[[port]]\nuri = " + quoted(uri) + "\ndriver = \"nmea\"\nbyte_time_ns = 0\nlatency_ms = " +
          tenths(static_cast<double>(latency_us) * 1e-3 + transfer_ms(bytes)) + "\n";
 }
 
@@ -194,7 +195,8 @@ std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
   text += nmea_port_text(links.port_uris[port + 1], kFixLatency_us, kGga_bytes) + "\n";
   text += nmea_port_text(links.port_uris[port + 2], kPressureLatency_us, kPrvat_bytes) + "\n";
   text += "[link]\nuri = " + quoted(links.link_uri) +
-          "\nrate_bytes_s = " + std::to_string(mission.link_rate_bytes_s) + "\n";
+          "\nrate_bytes_s = " + std::to_string(mission.link_rate_bytes_s) +
+          "\nmax_tile_age_s = " + number_text(mission.link_max_tile_age_s) + "\n";
   if (!links.log_path.empty()) {
     text += "\n[log]\npath = " + quoted(links.log_path) + "\n";
   }

@@ -18,6 +18,11 @@ constexpr std::uint32_t kMaxBlob_bytes = 1U << 20U;
   throw HostError(ExitCode::kInput, path + ": " + what);
 }
 
+bool is_piece(const proto::LogRecord& record) {
+  return record.type == proto::MessageType::kLogConfig ||
+         record.type == proto::MessageType::kLogTable;
+}
+
 /// Puts a piece where it belongs. False when it lies outside the blob.
 bool place_piece(const proto::LogPiece& piece, std::vector<std::uint8_t>* blob) {
   const std::size_t offset = piece.offset_bytes;
@@ -78,10 +83,28 @@ bool FlightLog::next_record(proto::LogRecord* record) {
 }
 
 void FlightLog::read_preamble() {
+  // Header, configuration and tables stand there twice: what the first copy lacks comes with the second.
+  bool has_header = false;
   proto::LogRecord record{};
-  if (!next_record(&record) || record.type != proto::MessageType::kLogHeader) {
+  while (next_record(&record)) {
+    if (record.type == proto::MessageType::kLogHeader) {
+      if (!has_header) {
+        take_header(record);
+      }
+      has_header = true;
+    } else if (!is_piece(record)) {
+      ahead_ = record;
+      break;
+    } else if (has_header) {
+      take_piece(record);
+    }
+  }
+  if (!has_header) {
     refuse(path_, "is no log of a vehicle, or its header is damaged");
   }
+}
+
+void FlightLog::take_header(const proto::LogRecord& record) {
   const auto header = proto::decode_log_header(record.payload, record.payload_bytes);
   if (header.status() == base::Status::kBadVersion) {
     refuse(path_, "is of another version (format or protocol) than this program reads");
@@ -102,26 +125,16 @@ void FlightLog::read_preamble() {
     }
     tables_.emplace_back(header_.tables[k].size_bytes);
   }
-  while (next_record(&record)) {
-    if (!take_piece(record)) {
-      ahead_ = record;
-      return;
-    }
-  }
 }
 
-bool FlightLog::take_piece(const proto::LogRecord& record) {
+void FlightLog::take_piece(const proto::LogRecord& record) {
   const bool config = record.type == proto::MessageType::kLogConfig;
-  if (!config && record.type != proto::MessageType::kLogTable) {
-    return false;
-  }
   const auto piece = proto::decode_log_piece(record.payload, record.payload_bytes);
   const bool known = piece.ok() && (config || piece.value().table < tables_.size());
   if (!known ||
       !place_piece(piece.value(), config ? &config_blob_ : &tables_[piece.value().table])) {
     refuse(path_, config ? "a piece of its configuration is wrong" : "a piece of a table is wrong");
   }
-  return true;
 }
 
 void FlightLog::check_preamble() {

@@ -48,7 +48,8 @@ struct FlightLogCounters {
 class FlightLog {
  public:
   /// Opens the file and reads on to the first cycle. Throws HostError kInput: cannot be read, is no
-  /// log, another version, or header, configuration or a table are damaged (a log replays from these).
+  /// log, another version, or both copies of header, configuration or a table are damaged (a log
+  /// replays from these).
   explicit FlightLog(const std::string& path);
 
   [[nodiscard]] const proto::LogHeader& header() const { return header_; }
@@ -65,7 +66,8 @@ class FlightLog {
  private:
   [[nodiscard]] bool next_record(proto::LogRecord* record);
   void read_preamble();
-  [[nodiscard]] bool take_piece(const proto::LogRecord& record);
+  void take_header(const proto::LogRecord& record);
+  void take_piece(const proto::LogRecord& record);
   void check_preamble();
   [[nodiscard]] bool take_cycle(const proto::LogRecord& record, FlightCycle* cycle);
   void take_other(const proto::LogRecord& record);

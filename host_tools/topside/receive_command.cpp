@@ -247,11 +247,11 @@ class Session {
   }
 
   [[nodiscard]] std::string summary() const {
-    return receive_summary_json(receiver_, vehicle_link_hash_, now_s() - begin_s_);
+    return receive_summary_json(receiver_, vehicle_cells_hash_, now_s() - begin_s_);
   }
 
   int finish() {
-    vehicle_link_hash_ = receiver_.vehicle_link_hash();
+    vehicle_cells_hash_ = receiver_.vehicle_cells_hash();
     if (!options_.log_path.empty()) {
       FlightLog log(options_.log_path);
       FlightCycle cycle;
@@ -261,7 +261,7 @@ class Session {
         throw HostError(ExitCode::kInput,
                         options_.log_path + ": has no end record to compare the map with");
       }
-      vehicle_link_hash_ = log.end()->link_hash;
+      vehicle_cells_hash_ = log.end()->cells_hash;
     }
     const ReceiverCounters& counters = receiver_.counters();
     const TileStore* const store = receiver_.store();
@@ -278,11 +278,11 @@ class Session {
     } else {
       print(*store);
     }
-    const bool differs = vehicle_link_hash_ && *vehicle_link_hash_ != store->link_hash();
+    const bool differs = vehicle_cells_hash_ && *vehicle_cells_hash_ != store->cells_hash();
     if (differs) {
-      std::cerr << "leadline: error: the map is not the vehicle's: link_hash="
-                << hex_text(store->link_hash(), 16) << ", the vehicle has "
-                << hex_text(*vehicle_link_hash_, 16) << "\n";
+      std::cerr << "leadline: error: the map is not the vehicle's: cells_hash="
+                << hex_text(store->cells_hash(), 16) << ", the vehicle has "
+                << hex_text(*vehicle_cells_hash_, 16) << "\n";
     }
     return static_cast<int>(differs ? ExitCode::kComparisonFailed : ExitCode::kOk);
   }
@@ -293,11 +293,12 @@ class Session {
               << store.known_tiles() << " tiles (" << store.tiles_incomplete() << " incomplete)\n"
               << counters.bytes << " bytes, " << counters.frames << " frames ("
               << counters.damaged_frames << " damaged), "
-              << fixed_text(receiver_.bytes_per_changed_cell(), 2) << " bytes per changed cell\n"
-              << "link_hash=" << hex_text(store.link_hash(), 16);
-    if (vehicle_link_hash_) {
-      std::cout << (*vehicle_link_hash_ == store.link_hash() ? ", the vehicle's own"
-                                                             : ", not the vehicle's");
+              << fixed_text(receiver_.bytes_per_changed_cell(), 2) << " bytes per changed cell, "
+              << fixed_text(receiver_.bytes_per_changed_cell_all(), 2) << " with all else\n"
+              << "cells_hash=" << hex_text(store.cells_hash(), 16);
+    if (vehicle_cells_hash_) {
+      std::cout << (*vehicle_cells_hash_ == store.cells_hash() ? ", the vehicle's own"
+                                                               : ", not the vehicle's");
     }
     std::cout << "\n";
     if (!options_.out_dir.empty()) {
@@ -312,7 +313,7 @@ class Session {
   std::unique_ptr<hal::LinuxPort> port_;
   std::vector<std::uint8_t> buffer_ = std::vector<std::uint8_t>(kRead_bytes);
   LiveLine line_;
-  std::optional<std::uint64_t> vehicle_link_hash_;
+  std::optional<std::uint64_t> vehicle_cells_hash_;
   double begin_s_ = 0.0;
   double last_byte_s_ = 0.0;
   double shown_s_ = 0.0;
@@ -338,7 +339,7 @@ std::string frame_json(const proto::Hello& hello) {
 }  // namespace
 
 std::string receive_summary_json(const Receiver& receiver,
-                                 const std::optional<std::uint64_t>& vehicle_link_hash,
+                                 const std::optional<std::uint64_t>& vehicle_cells_hash,
                                  double seconds) {
   const ReceiverCounters& counters = receiver.counters();
   const TileStore* const store = receiver.store();
@@ -354,10 +355,10 @@ std::string receive_summary_json(const Receiver& receiver,
     add("known_cells", std::to_string(store->known_cells()));
     add("known_tiles", std::to_string(store->known_tiles()));
     add("incomplete_tiles", std::to_string(store->tiles_incomplete()));
-    add("link_hash", "\"" + hex_text(store->link_hash(), 16) + "\"");
+    add("cells_hash", "\"" + hex_text(store->cells_hash(), 16) + "\"");
     add("topside_equals_vehicle",
-        !vehicle_link_hash ? "null"
-                           : (*vehicle_link_hash == store->link_hash() ? "true" : "false"));
+        !vehicle_cells_hash ? "null"
+                            : (*vehicle_cells_hash == store->cells_hash() ? "true" : "false"));
     add("frame", frame_json(store->hello()));
   }
   add("bytes", std::to_string(counters.bytes));
@@ -372,6 +373,7 @@ std::string receive_summary_json(const Receiver& receiver,
   add("delta_cells", std::to_string(counters.delta_cells));
   add("repeated_cells", std::to_string(counters.repeated_cells));
   add("bytes_per_changed_cell", json_number(receiver.bytes_per_changed_cell()));
+  add("bytes_per_changed_cell_all", json_number(receiver.bytes_per_changed_cell_all()));
   if (receiver.status()) {
     add("pings", std::to_string(receiver.status()->pings[proto::kPingFused]));
     add("alarms", json_string(alarm_text(receiver.status()->alarms)));

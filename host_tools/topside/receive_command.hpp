@@ -22,9 +22,9 @@ struct ReceiveOptions {
   bool json = false;       ///< receive.json on standard output at the end
 };
 
-/// receive.json. `vehicle_link_hash`: what the vehicle's log says, where it is known.
+/// receive.json. `vehicle_cells_hash`: what the vehicle's log says, where it is known.
 [[nodiscard]] std::string receive_summary_json(
-    const Receiver& receiver, const std::optional<std::uint64_t>& vehicle_link_hash,
+    const Receiver& receiver, const std::optional<std::uint64_t>& vehicle_cells_hash,
     double seconds);
 
 /// The command: until SIGINT, SIGTERM, the end of a file, or --idle. Returns 0; 5 when a log was given and

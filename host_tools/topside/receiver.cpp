@@ -25,6 +25,18 @@ bool same_map(const proto::Hello& a, const proto::Hello& b) {
   return same;
 }
 
+/// The frame of a payload; none when it could not be made.
+std::vector<std::uint8_t> framed(const std::uint8_t* payload,
+                                 const base::Result<std::size_t>& payload_bytes) {
+  if (!payload_bytes.ok()) {
+    return {};
+  }
+  std::vector<std::uint8_t> frame(proto::frame_bound_bytes(payload_bytes.value()));
+  const auto size = proto::encode_frame(payload, payload_bytes.value(), frame.data(), frame.size());
+  frame.resize(size.ok() ? size.value() : 0);
+  return frame;
+}
+
 struct AlarmName {
   std::uint32_t bit;
   const char* words;
@@ -93,6 +105,9 @@ void Receiver::take(const proto::FrameView& frame) {
     counters_.unknown_types += 1;
     return;
   }
+  if (type < proto::MessageType::kResendRequest) {
+    counters_.link_bytes += wire_bytes_;
+  }
   switch (type) {
     case proto::MessageType::kHello:
       take_hello(frame);
@@ -103,10 +118,14 @@ void Receiver::take(const proto::FrameView& frame) {
     case proto::MessageType::kStatus:
       take_status(frame);
       break;
+    case proto::MessageType::kBrief:
+      take_brief(frame);
+      break;
     case proto::MessageType::kText:
       take_text(frame);
       break;
     case proto::MessageType::kResendRequest:
+    case proto::MessageType::kHelloRequest:
       break;  // the echo of our own
     case proto::MessageType::kLogEnd:
       take_end(frame);
@@ -161,7 +180,7 @@ void Receiver::take_hello(const proto::FrameView& frame) {
   }
   store_ = std::make_unique<TileStore>(said);
   status_.reset();
-  vehicle_link_hash_.reset();
+  vehicle_cells_hash_.reset();
   resend_after_ = 0;
   map_cells_ = 0;
   cells_lost_ = cells_made_up_ = 0;
@@ -213,6 +232,25 @@ void Receiver::take_status(const proto::FrameView& frame) {
   counters_.statuses += 1;
   const bool first = !status_;
   status_ = status.value();
+  compare_sent(first);
+}
+
+void Receiver::take_brief(const proto::FrameView& frame) {
+  const auto brief = proto::decode_brief(frame.payload, frame.payload_bytes);
+  if (!brief.ok()) {
+    counters_.malformed += 1;
+    return;
+  }
+  counters_.statuses += 1;
+  const bool first = !status_;
+  if (first) {
+    status_.emplace();
+  }
+  proto::apply_brief(brief.value(), *status_);
+  compare_sent(first);
+}
+
+void Receiver::compare_sent(bool first) {
   cells_lost_ = status_->cells_sent - static_cast<std::uint32_t>(map_cells_);
   if (first) {
     // Who joins now misses whole tiles, or parts that their hashes tell of: no need to count.
@@ -233,7 +271,7 @@ void Receiver::take_text(const proto::FrameView& frame) {
 void Receiver::take_end(const proto::FrameView& frame) {
   const auto end = proto::decode_log_end(frame.payload, frame.payload_bytes);
   if (end.ok()) {
-    vehicle_link_hash_ = end.value().link_hash;
+    vehicle_cells_hash_ = end.value().cells_hash;
   }
 }
 
@@ -244,6 +282,12 @@ void Receiver::notice(proto::Severity severity, std::string text) {
 double Receiver::bytes_per_changed_cell() const {
   return counters_.delta_cells == 0 ? 0.0
                                     : static_cast<double>(counters_.delta_bytes) /
+                                          static_cast<double>(counters_.delta_cells);
+}
+
+double Receiver::bytes_per_changed_cell_all() const {
+  return counters_.delta_cells == 0 ? 0.0
+                                    : static_cast<double>(counters_.link_bytes) /
                                           static_cast<double>(counters_.delta_cells);
 }
 
@@ -277,8 +321,11 @@ proto::ResendRequest Receiver::wanted() {
 }
 
 std::vector<std::uint8_t> Receiver::resend_request() {
+  std::uint8_t payload[proto::kMaxResendRequest_bytes];
   if (!store_) {
-    return {};
+    const bool unexplained = counters_.frames > 0 && counters_.hellos == 0;
+    return unexplained ? framed(payload, proto::encode_hello_request(payload, sizeof payload))
+                       : std::vector<std::uint8_t>{};
   }
   const proto::ResendRequest request = wanted();
   if (request.range_count == 0) {
@@ -286,13 +333,7 @@ std::vector<std::uint8_t> Receiver::resend_request() {
   }
   const proto::TileRange& last = request.ranges[request.range_count - 1];
   resend_after_ = last.first + last.count;
-  std::uint8_t payload[proto::kMaxResendRequest_bytes];
-  const auto size = proto::encode_resend_request(request, payload, sizeof payload);
-  std::vector<std::uint8_t> frame(proto::frame_bound_bytes(proto::kMaxResendRequest_bytes));
-  const auto framed =
-      proto::encode_frame(payload, size.ok() ? size.value() : 0, frame.data(), frame.size());
-  frame.resize(size.ok() && framed.ok() ? framed.value() : 0);
-  return frame;
+  return framed(payload, proto::encode_resend_request(request, payload, sizeof payload));
 }
 
 }  // namespace leadline::host

@@ -22,12 +22,14 @@ struct ReceiverCounters {
   std::uint64_t bytes = 0;
   std::uint64_t frames = 0;          ///< whole ones, CRC right
   std::uint64_t damaged_frames = 0;  ///< dropped by the framing, all reasons
+  std::uint64_t link_bytes =
+      0;  ///< of all frames of the downlink, framing included; no log records
   std::uint64_t hellos = 0;
   std::uint64_t deltas = 0;          ///< tiles in tile delta packets
   std::uint64_t delta_bytes = 0;     ///< of their frames, framing included
   std::uint64_t delta_cells = 0;     ///< cells that they carried
   std::uint64_t repeated_cells = 0;  ///< of these: known already, or older than what is known
-  std::uint64_t statuses = 0;
+  std::uint64_t statuses = 0;        ///< full ones and briefs
   std::uint64_t texts = 0;
   std::uint64_t log_records = 0;    ///< records of a vehicle's log between the frames (file:)
   std::uint64_t unknown_types = 0;  ///< messages of a newer minor
@@ -64,9 +66,11 @@ class Receiver {
   [[nodiscard]] const ReceiverCounters& counters() const { return counters_; }
   /// Bytes of tile deltas per cell that they carried; 0 when there is none.
   [[nodiscard]] double bytes_per_changed_cell() const;
+  /// Bytes of everything that the link carried down, per the same.
+  [[nodiscard]] double bytes_per_changed_cell_all() const;
   /// What the end record of a log said of the vehicle's map, where one was read.
-  [[nodiscard]] const std::optional<std::uint64_t>& vehicle_link_hash() const {
-    return vehicle_link_hash_;
+  [[nodiscard]] const std::optional<std::uint64_t>& vehicle_cells_hash() const {
+    return vehicle_cells_hash_;
   }
 
   /// Texts of the vehicle and findings of the receiver since the last call.
@@ -74,7 +78,8 @@ class Receiver {
   /// The request frame for what is missing, empty when nothing is; goes round from call to call.
   /// Missing are tiles whose hash says so; and, once a status tells that the vehicle has nothing more to
   /// send, tiles that it knows and that never came (who joins late), and everything, when it has sent
-  /// more cells than came (the last word about a tile was lost: no hash tells).
+  /// more cells than came (the last word about a tile was lost: no hash tells). While frames come and no
+  /// hello: the request for one.
   [[nodiscard]] std::vector<std::uint8_t> resend_request();
 
  private:
@@ -82,6 +87,8 @@ class Receiver {
   void take_hello(const proto::FrameView& frame);
   void take_delta(const std::uint8_t* payload, std::size_t size_bytes, std::size_t wire_bytes);
   void take_status(const proto::FrameView& frame);
+  void take_brief(const proto::FrameView& frame);
+  void compare_sent(bool first);
   void take_text(const proto::FrameView& frame);
   void take_end(const proto::FrameView& frame);
   void notice(proto::Severity severity, std::string text);
@@ -91,7 +98,7 @@ class Receiver {
   proto::FrameDecoderBuffer<> buffer_;
   std::unique_ptr<TileStore> store_;
   std::optional<proto::Status> status_;
-  std::optional<std::uint64_t> vehicle_link_hash_;
+  std::optional<std::uint64_t> vehicle_cells_hash_;
   ReceiverCounters counters_;
   std::vector<ReceiverNotice> notices_;
   /// Tile deltas that came before the hello that explains them.

@@ -34,6 +34,11 @@ std::string log_findings(const FlightLogCounters& log, bool has_end) {
   return text;
 }
 
+std::string hashes_text(const proto::LogEnd& end) {
+  return "map_hash=" + hex_text(end.map_hash, 16) + " link_hash=" + hex_text(end.link_hash, 16) +
+         " cells_hash=" + hex_text(end.cells_hash, 16);
+}
+
 std::string result_json(const ReplayResult& result) {
   const FlightLogCounters& log = result.log;
   const proto::LogEnd& now = result.now;
@@ -42,7 +47,7 @@ std::string result_json(const ReplayResult& result) {
     text += std::string(",\n  \"") + key + "\": " + value;
   };
   add("link_hash", "\"" + hex_text(now.link_hash, 16) + "\"");
-  add("downlink_crc", "\"" + hex_text(now.downlink_crc, 8) + "\"");
+  add("cells_hash", "\"" + hex_text(now.cells_hash, 16) + "\"");
   add("same_as_flight", !result.then ? "null" : (result.same() ? "true" : "false"));
   add("cycles", std::to_string(result.cycles));
   add("seconds", std::to_string(static_cast<double>(now.t_us) * 1e-6));
@@ -116,9 +121,7 @@ int run_replay(const ReplayOptions& options) {
   if (options.json) {
     std::cout << result_json(result);
   } else {
-    std::cout << "map_hash=" << hex_text(result.now.map_hash, 16)
-              << " link_hash=" << hex_text(result.now.link_hash, 16)
-              << " downlink_crc=" << hex_text(result.now.downlink_crc, 8) << "\n";
+    std::cout << hashes_text(result.now) << "\n";
     std::cout << result.cycles << " cycles, " << result.now.pings_in << " pings, "
               << result.now.pings_fused << " in the map; "
               << (result.same() ? "the same as when it flew"
@@ -127,10 +130,7 @@ int run_replay(const ReplayOptions& options) {
               << "\n";
   }
   if (result.then && !result.same()) {
-    std::cerr << "leadline: error: the flight ended with map_hash="
-              << hex_text(result.then->map_hash, 16)
-              << " link_hash=" << hex_text(result.then->link_hash, 16)
-              << " downlink_crc=" << hex_text(result.then->downlink_crc, 8)
+    std::cerr << "leadline: error: the flight ended with " << hashes_text(*result.then)
               << (result.log.complete() ? "" : " (the log has gaps, see above)") << "\n";
     return static_cast<int>(ExitCode::kComparisonFailed);
   }

@@ -23,10 +23,10 @@ struct ReplayResult {
   std::optional<proto::LogEnd> then;  ///< as the flight had it; unset: the log ends early
   FlightLogCounters log;
 
-  /// Map, link cells and link bytes are those of the flight.
+  /// Map, link bytes and link cells are those of the flight.
   [[nodiscard]] bool same() const {
     return then && then->map_hash == now.map_hash && then->link_hash == now.link_hash &&
-           then->downlink_crc == now.downlink_crc;
+           then->cells_hash == now.cells_hash;
   }
 };
 

@@ -101,7 +101,7 @@ std::uint32_t TileStore::known_tiles() const {
   return count;
 }
 
-std::uint64_t TileStore::link_hash() const {
+std::uint64_t TileStore::cells_hash() const {
   const Tile nothing;
   const std::uint64_t unknown = proto::tile_hash(nothing.cells);
   std::uint64_t hash = proto::kFnvOffset;

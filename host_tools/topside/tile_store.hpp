@@ -44,8 +44,8 @@ class TileStore {
   [[nodiscard]] std::uint64_t known_cells() const { return known_cells_; }
   [[nodiscard]] std::uint64_t grid_cells() const;
   [[nodiscard]] std::uint32_t known_tiles() const;
-  /// 64-bit hash of all coded cells: the link_hash of proto/cell.hpp. O(grid).
-  [[nodiscard]] std::uint64_t link_hash() const;
+  /// 64-bit hash of all coded cells: the cells_hash of proto/cell.hpp. O(grid).
+  [[nodiscard]] std::uint64_t cells_hash() const;
 
   /// Tiles of which something is known to be missing: the newest delta's hash is not the tile's.
   [[nodiscard]] std::uint32_t tiles_incomplete() const;

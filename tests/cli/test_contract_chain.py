@@ -166,8 +166,8 @@ class Receive(Chain):
         self.assertGreater(result["known_cells"], 1000)
         self.assertGreater(result["bytes_per_changed_cell"], 0)
         self.assertEqual(sorted(os.listdir(self.out)), MAP)
-        self.assertEqual(json.loads((self.out / "receive.json").read_text())["link_hash"],
-                         result["link_hash"])
+        self.assertEqual(json.loads((self.out / "receive.json").read_text())["cells_hash"],
+                         result["cells_hash"])
 
     def test_the_link_alone_is_enough(self):
         done = self.expect(self.receive(b"".join(self.downlink()), "--compare-log",
@@ -182,7 +182,7 @@ class Receive(Chain):
         noise = b"\x42\x52" + bytes(range(1, 256)) * 3
         for data in (b"".join(twice), b"".join(swapped), noise.join(frames)):
             result = json.loads(self.expect(self.receive(data), OK).stdout)
-            self.assertEqual(result["link_hash"], clean["link_hash"])
+            self.assertEqual(result["cells_hash"], clean["cells_hash"])
         # A byte changed in every fourth frame costs those frames; what is left is right, and says what
         # it lacks.
         broken = [frame[:3] + bytes([frame[3] ^ 1]) + frame[4:] if k % 4 == 3 and k > 8 else frame

@@ -361,6 +361,34 @@ class Messages(unittest.TestCase):
         hello = as_bytes(fences("Vectors of the messages")[0])
         self.assertEqual(crc32c(hello[8:20]) & 0xFFFF, 0xEB54)
 
+    def test_brief_and_full_status_agree(self):
+        full, brief = (as_bytes(text) for text in fences("Vectors of the messages")[1:3])
+        at = 5
+
+        def varint():
+            nonlocal at
+            value, shift = 0, 0
+            while True:
+                byte = brief[at]
+                value |= (byte & 0x7F) << shift
+                at, shift = at + 1, shift + 7
+                if byte < 0x80:
+                    return value
+
+        self.assertEqual(brief[0], 0x05)
+        t_us, alarms = int.from_bytes(full[1:9], "little"), int.from_bytes(full[13:17], "little")
+        self.assertEqual(int.from_bytes(brief[1:5], "little"), t_us // 1000)
+        self.assertEqual(varint(), alarms)
+        self.assertEqual(brief[at], full[25])
+        at += 1
+        codes = [varint() for _ in range(3)]
+        self.assertEqual([-(code + 1) // 2 if code % 2 else code // 2 for code in codes],
+                         [1234, 0, 500])
+        self.assertEqual(brief[at:at + 4], full[44:46] + b"\x09\x00")
+        at += 4
+        self.assertEqual([varint() for _ in range(4)], [0, 48, 3, 20000])
+        self.assertEqual(at, len(brief))
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -13,11 +13,18 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
 from vehicle import (  # noqa: E402
     ALARM_PORT_LOST, ALARM_RECORDER_LOST, CHUNK, CONFIG, CYCLE, DELTA, END, GAP, HEADER, HELLO, OK, OUTPUT,
-    PATIENCE_S, STATUS, TABLE, Case, Instruments, Log, Ping1d, Pty, crc32c)
+    BRIEF, PATIENCE_S, STATUS, TABLE, Case, Instruments, Log, Ping1d, Pty, crc32c)
 
 
 def alarms_of(status):
-    return struct.unpack("<I", status[13:17])[0]
+    if status[0] == STATUS:
+        return struct.unpack("<I", status[13:17])[0]
+    alarms, at = 0, 5
+    while True:
+        alarms |= (status[at] & 0x7F) << 7 * (at - 5)
+        if status[at] < 0x80:
+            return alarms
+        at += 1
 
 
 class Flight(Case):
@@ -34,7 +41,7 @@ class Flight(Case):
 
     def raised(self, bit):
         """Whether the newest status has that alarm."""
-        statuses = self.heard(STATUS)
+        statuses = self.heard(STATUS, BRIEF)
         return bool(statuses) and bool(alarms_of(statuses[-1]) & bit)
 
     def test_a_whole_flight_is_mapped_sent_and_recorded(self):
@@ -56,7 +63,7 @@ class Flight(Case):
         self.assertEqual(log.types[-1], END)
         end = log.end()
         self.assertEqual(f"0x{end['map_hash']:016x}", summary["map_hash"])
-        self.assertEqual(f"0x{end['link_hash']:016x}", summary["cells_hash"])
+        self.assertEqual(f"0x{end['cells_hash']:016x}", summary["cells_hash"])
         self.assertEqual(end["pings_in"], summary["pings_in"])
         self.assertEqual(end["cycle_count"], summary["cycles"])
         # Configuration and tables are in it, whole.
@@ -84,8 +91,8 @@ class Flight(Case):
         # What went down the link is what the log has of it.
         sent = [payload for payload in log.records if payload[0] < 0x40]
         self.assertEqual(len(self.heard(HELLO)), len([p for p in sent if p[0] == HELLO]))
-        self.assertEqual([p for k in (HELLO, DELTA, STATUS) for p in self.heard(k)],
-                         [p for k in (HELLO, DELTA, STATUS) for p in sent if p[0] == k])
+        self.assertEqual([p for k in (HELLO, DELTA, STATUS, BRIEF) for p in self.heard(k)],
+                         [p for k in (HELLO, DELTA, STATUS, BRIEF) for p in sent if p[0] == k])
 
     def test_a_pulled_plug_is_reported_and_put_back(self):
         process = self.start()
@@ -103,13 +110,27 @@ class Flight(Case):
         self.assertNotIn("port 1 serial:%s/nmea:115200: lost" % self.dir, err)
         self.assertGreater(before, 0)
 
+    def test_a_device_that_is_not_there_is_refused_unless_optional(self):
+        self.sonar_pty.unplug()
+        text = self.config.read_text().replace("optional = true\n", "")
+        self.config.write_text(text)
+        process = self.start()
+        _, err = process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 2)
+        self.assertIn("port 0: \"serial:%s/sonar:115200\": No such file" % self.dir, err)
+        self.config.write_text(text.replace("%s/sonar" % self.dir, str(self.dir)))
+        process = self.start()
+        _, err = process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 2)
+        self.assertIn("port 0: \"serial:%s:115200\": is a folder" % self.dir, err)
+
     def test_a_device_that_comes_later_and_one_that_never_does(self):
         self.nmea_pty.unplug()
         self.sonar_pty.unplug()
         process = self.start()
         self.play(process, lambda: self.raised(ALARM_PORT_LOST))
         self.nmea_pty.plug()
-        self.play(process, lambda: len(self.heard(STATUS)) > 3)
+        self.play(process, lambda: len(self.heard(STATUS, BRIEF)) > 3)
         out, err = self.stop(process)
         self.assertIn("port 0 serial:%s/sonar:115200: not there yet: No such file" % self.dir, err)
         self.assertIn("port 1 serial:%s/nmea:115200: open" % self.dir, err)

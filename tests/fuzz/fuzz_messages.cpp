@@ -41,6 +41,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   size = size < kMaxPayload_bytes ? size : kMaxPayload_bytes;
   check(decode_hello(data, size), data, size, encode_hello);
   check(decode_status(data, size), data, size, encode_status);
+  check(decode_brief(data, size), data, size, encode_brief);
   check(decode_text(data, size), data, size, encode_text);
   check(decode_resend_request(data, size), data, size, encode_resend_request);
   check(decode_log_header(data, size), data, size, encode_log_header);

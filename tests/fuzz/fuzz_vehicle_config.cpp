@@ -37,7 +37,7 @@ void check_ports(const VehicleFile& file) {
     require(port.driver != Driver::kNone, "a driver for each port");
     require(port.mount < config.mount_count, "mounts that exist");
     require(port.latency_us >= -1'000'000 && port.latency_us <= 10'000'000, "latency");
-    if (port.driver == Driver::kNmea) {
+    if (!leadline::firmware::is_head(port.driver)) {
       continue;
     }
     require(port.min_range_um >= 0 && port.min_range_um < port.max_range_um, "ranges");
@@ -66,6 +66,7 @@ void check(const VehicleFile& file) {
   require(config.link.rate_bytes_s >= 10, "rate");
   require(config.link.mtu_bytes >= 64 && config.link.mtu_bytes <= 1400, "mtu");
   require(config.link.status_interval_us >= 1 && config.link.hello_interval_us >= 1, "intervals");
+  require(config.link.max_tile_age_us <= 60'000'000, "tile age");
   require(file.cycle_us >= 1000 && file.cycle_us <= 1'000'000, "period");
 }
 

@@ -180,6 +180,7 @@ firmware::VehicleConfig rig_config() {
   config.link.mtu_bytes = 400;
   config.link.status_interval_us = 1'000'000;
   config.link.hello_interval_us = 10'000'000;
+  config.link.max_tile_age_us = 1'000'000;
   return config;
 }
 
@@ -283,6 +284,12 @@ void RigReceiver::take_frame(const proto::FrameView& frame) {
     bad += status.ok() ? 0U : 1U;
     alarms_seen |= status.value().alarms;
     last_alarms = status.value().alarms;
+    ++statuses;
+  } else if (type == proto::MessageType::kBrief) {
+    const auto brief = proto::decode_brief(frame.payload, frame.payload_bytes);
+    bad += brief.ok() ? 0U : 1U;
+    alarms_seen |= brief.value().alarms;
+    last_alarms = brief.value().alarms;
     ++statuses;
   } else if (type == proto::MessageType::kText) {
     bad += proto::decode_text(frame.payload, frame.payload_bytes).ok() ? 0U : 1U;

@@ -28,7 +28,7 @@ PATIENCE_S = 60  # for what takes a moment; nothing here asserts how long it too
 GRID = "[grid]\ncell_mm = 500\nsize = [64, 64, 48]\norigin_mm = [-16000, -16000, 0]\n"
 LATITUDE, LONGITUDE = 10.0, 20.0
 
-HELLO, DELTA, STATUS, TEXT = 0x01, 0x02, 0x03, 0x04
+HELLO, DELTA, STATUS, TEXT, BRIEF = 0x01, 0x02, 0x03, 0x04, 0x05
 HEADER, CONFIG, TABLE, CHUNK, CYCLE, GAP, END = 0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86
 ALARM_PORT_LOST, ALARM_RECORDER_LOST = 1 << 2, 1 << 4
 
@@ -98,17 +98,19 @@ class Log:
         return [struct.unpack("<IqIHH", payload[1:]) for payload in self.of(CYCLE)]
 
     def end(self):
-        names = ("t_us", "cycle_count", "map_hash", "link_hash", "pings_in", "pings_fused", "pings_shed",
-                 "pings_rejected", "cells_sent", "downlink_bytes", "downlink_crc")
-        return dict(zip(names, struct.unpack("<qI8QI", self.of(END)[-1][1:])))
+        names = ("t_us", "cycle_count", "map_hash", "cells_hash", "link_hash", "pings_in", "pings_fused", "pings_shed",
+                 "pings_rejected", "cells_sent", "downlink_bytes")
+        return dict(zip(names, struct.unpack("<qI9Q", self.of(END)[-1][1:])))
 
     def gaps(self):
         """(t_us, reason, lost_records, lost_bytes)"""
         return [struct.unpack("<qBIQ", payload[1:]) for payload in self.of(GAP)]
 
     def blob(self, kind):
-        head = 6
-        return b"".join(payload[head:] for payload in self.of(kind))
+        # All of them stand there twice.
+        pieces = {payload[1:6]: payload[6:] for payload in self.of(kind)}
+        assert len(self.of(kind)) == 2 * len(pieces)
+        return b"".join(pieces.values())
 
 
 # ---- Devices -----------------------------------------------------------------------------------
@@ -295,8 +297,9 @@ class Case(unittest.TestCase):
             "[navigation]\nmax_wait_ms = 300\n"
             "[[mount]]\nname = \"down\"\ntable = \"beam.llt\"\n"
             f"[[port]]\nuri = \"serial:{self.dir}/sonar\"\ndriver = \"ping1d\"\n"
-            f"interval_ms = {interval_ms}\n"
+            f"optional = true\ninterval_ms = {interval_ms}\n"
             f"[[port]]\nuri = \"serial:{self.dir}/nmea\"\ndriver = \"nmea\"\n"
+            "optional = true\n"
             f"[link]\nuri = \"udp:127.0.0.1:{port}\"\nstatus_interval_s = 0.5\n" +
             ("[log]\npath = \"survey.lll\"\n" if log else "") + extra)
 
@@ -333,8 +336,8 @@ class Case(unittest.TestCase):
             self.received += self.topside.recv(65536)
         return self.received
 
-    def heard(self, kind):
-        return [payload for payload in frames(self.listen())[0] if payload[0] == kind]
+    def heard(self, *kinds):
+        return [payload for payload in frames(self.listen())[0] if payload[0] in kinds]
 
     def stop(self, process, code=OK):
         process.send_signal(signal.SIGINT)

@@ -75,7 +75,8 @@ TEST(the_smallest_file_gets_the_documented_defaults) {
   assert_int_equal(config.link.rate_bytes_s, 125'000);
   assert_int_equal(config.link.mtu_bytes, 1200);
   assert_int_equal(config.link.status_interval_us, 1'000'000);
-  assert_int_equal(config.link.hello_interval_us, 10'000'000);
+  assert_int_equal(config.link.hello_interval_us, 30'000'000);
+  assert_int_equal(config.link.max_tile_age_us, 1'500'000);
   assert_int_equal(file.cycle_us, 20'000);
   assert_string_equal(file.log.path.c_str(), "");
   assert_int_equal(file.port_uris[0].baud, 9600);
@@ -102,13 +103,14 @@ TEST(every_key_is_read) {
           "[[port]]\nuri = \"tcp:h:1\"\ndriver = \"ping360\"\nmount = \"b\"\nlatency_ms = -1.5\n"
           "scan_first_grad = 350\nscan_last_grad = 50\nscan_step_grad = 10\n"
           "[[port]]\nuri = \"file:nmea.txt\"\ndriver = \"nmea\"\nlatency_ms = 15\n"
-          "[link]\nuri = \"serial:/dev/ttyS1:9600\"\nbaud = 9600\nmtu_bytes = 64\n"
-          "status_interval_s = 0.5\nhello_interval_s = 60\n"
+          "[link]\nuri = \"serial:/dev/ttyS1:9600\"\nbaud = 9600\nmtu_bytes = 128\n"
+          "status_interval_s = 0.5\nhello_interval_s = 60\nmax_tile_age_s = 0.25\n"
           "[log]\npath = \"log.lll\"\nmax_bytes = 1000000\n",
       "v.toml", "/survey");
   const VehicleConfig& config = file.config;
   assert_true(config.survey_id == 9'007'199'254'740'991U);
-  assert_string_equal(file.survey_name.c_str(), "basin");
+  assert_string_equal(config.survey_name, "basin");
+  assert_string_equal(config.vertical_datum, "MSL");
   assert_int_equal(config.model.min_range_um, 700'000);
   assert_int_equal(config.model.detect_range_um, 30'000'000);
   assert_int_equal(config.model.no_return, leadline::model::NoReturnPolicy::kEmpty);
@@ -161,9 +163,10 @@ TEST(every_key_is_read) {
   assert_int_equal(config.ports[2].driver, Driver::kNmea);
   assert_int_equal(config.ports[2].latency_us, 15'000);
   assert_int_equal(config.link.rate_bytes_s, 960);
-  assert_int_equal(config.link.mtu_bytes, 64);
+  assert_int_equal(config.link.mtu_bytes, 128);
   assert_int_equal(config.link.status_interval_us, 500'000);
   assert_int_equal(config.link.hello_interval_us, 60'000'000);
+  assert_int_equal(config.link.max_tile_age_us, 250'000);
   assert_string_equal(file.log.path.c_str(), "/survey/log.lll");
   assert_int_equal(file.log.max_bytes, 1'000'000);
 }
@@ -305,8 +308,9 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
       {kSmallest + "rate_bytes_s = 9\n", "rate_bytes_s = 9: has to be 10 to 125000000"},
       {kSmallest + "baud = 50\n", "baud = 50: has to be 100 to"},
       {kSmallest + "baud = 9600\nrate_bytes_s = 960\n", "give one of them"},
-      {kSmallest + "mtu_bytes = 63\n", "mtu_bytes = 63: has to be 64 to 1400"},
+      {kSmallest + "mtu_bytes = 127\n", "mtu_bytes = 127: has to be 128 to 1400"},
       {kSmallest + "status_interval_s = 0\n", "status_interval_s = 0: has to be over 0 to 3600"},
+      {kSmallest + "max_tile_age_s = 61\n", "max_tile_age_s = 61: has to be 0 to 60"},
       {kSmallest + "hello_interval_s = 3601\n", "hello_interval_s = 3601: has to be over 0"},
       {kSmallest + "[log]\n", "[log] path is missing"},
       {kSmallest + "[log]\npath = \"\"\n", "[log] path = : has to be the name of a file"},

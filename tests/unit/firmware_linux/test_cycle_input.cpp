@@ -163,6 +163,29 @@ TEST(datagrams_hold_whole_frames) {
   assert_int_equal(next_datagram_bytes(broken, sizeof broken, 600), 4);
 }
 
+TEST(a_port_that_was_opened_again_is_known) {
+  HostReport none{};
+  HostReport before{};
+  before.port_count = 2;
+  before.port_open[1] = 1;
+  before.opens[1] = 1;
+  HostReport now = before;
+  assert_false(reopened(none, now, 1));  // nothing to compare with
+  assert_false(reopened(before, now, 1));
+  assert_false(reopened(before, now, 7));
+  now.opens[1] = 2;  // closed and opened between two reports
+  assert_true(reopened(before, now, 1));
+  now.port_open[1] = 0;
+  assert_false(reopened(before, now, 1));
+  // The first time that it opens nothing has been heard yet.
+  now.port_open[0] = 1;
+  now.opens[0] = 1;
+  assert_false(reopened(before, now, 0));
+  // Reports of early versions tell by the state alone.
+  now.opens[0] = 0;
+  assert_true(reopened(before, now, 0));
+}
+
 TEST(a_host_report_reads_back) {
   HostReport report{};
   report.alarms = 0x80000010U;
@@ -173,18 +196,24 @@ TEST(a_host_report_reads_back) {
   report.port_open[0] = 1;
   report.port_open[2] = 1;
   report.dropped_bytes[2] = 0xFFFFFFFFU;
+  report.opens[0] = 0x0201;
+  report.errors[1] = 13;
   std::uint8_t bytes[leadline::firmware::kMaxHostReport_bytes] = {};
   const std::size_t size = encode_host_report(report, bytes, sizeof bytes);
-  assert_int_equal(size, 35);
-  const std::uint8_t expected[] = {1, 3, 0, 0, 0x10, 0,    0, 0x80, 0x39, 0x30, 0,   0,
-                                   7, 0, 0, 0, 0x70, 0x11, 1, 0,    1,    0,    0,   0,
-                                   0, 0, 0, 0, 0,    0,    1, 0xFF, 0xFF, 0xFF, 0xFF};
+  assert_int_equal(size, 47);
+  const std::uint8_t expected[] = {
+      1, 3, 0, 0, 0x10, 0, 0, 0x80, 0x39, 0x30, 0,    0, 7, 0, 0, 0, 0x70, 0x11, 1, 0, 1, 0, 0, 0,
+      0, 0, 0, 0, 0,    0, 1, 0xFF, 0xFF, 0xFF, 0xFF, 1, 2, 0, 0, 0, 0,    13,   0, 0, 0, 0, 0};
   assert_memory_equal(bytes, expected, sizeof expected);
   HostReport again{};
   assert_true(decode_host_report(bytes, size, again));
   assert_memory_equal(&again, &report, sizeof report);
   // Any cut is no report, and leaves what was there.
-  for (std::size_t cut = 0; cut < size; ++cut) {
+  // But one without what early versions lack.
+  assert_true(decode_host_report(bytes, 35, again));
+  assert_int_equal(again.opens[0], 0);
+  assert_int_equal(again.dropped_bytes[2], 0xFFFFFFFFU);
+  for (std::size_t cut = 0; cut < 35; ++cut) {
     HostReport untouched{};
     untouched.alarms = 99;
     assert_false(decode_host_report(bytes, cut, untouched));

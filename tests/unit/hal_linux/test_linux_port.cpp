@@ -462,6 +462,31 @@ TEST(a_folder_is_no_file) {
   assert_int_equal(port->last_errno(), EISDIR);
 }
 
+TEST(what_can_never_be_the_device_is_said_at_once) {
+  using leadline::hal::device_problem;
+  const std::string folder = leadline::test::scratch_directory();
+  const std::string file = folder + "/data";
+  std::ofstream(file) << "data";
+  const PtyPair pair;
+  const auto problem = [](const std::string& uri, FileUse use = FileUse::kRead,
+                          bool may_be_missing = false) {
+    return device_problem(leadline::hal::parse_uri(uri).spec, use, may_be_missing);
+  };
+  assert_string_equal(problem("serial:" + folder).c_str(),
+                      ("\"serial:" + folder + ":115200\": is a folder").c_str());
+  assert_true(problem("serial:" + file).find("is no serial device") != std::string::npos);
+  assert_true(problem("file:" + folder).find("is a folder") != std::string::npos);
+  assert_true(problem("serial:" + folder + "/no").find("No such file") != std::string::npos);
+  assert_true(problem("file:" + folder + "/no").find("No such file") != std::string::npos);
+  assert_string_equal(problem("serial:" + folder + "/no", FileUse::kRead, true).c_str(), "");
+  assert_string_equal(problem("file:" + folder + "/no", FileUse::kWrite).c_str(), "");
+  assert_true(problem("file:" + folder + "/no/x", FileUse::kWrite).find("no folder") !=
+              std::string::npos);
+  assert_string_equal(problem("file:" + file).c_str(), "");
+  assert_string_equal(problem("serial:" + pair.path()).c_str(), "");
+  assert_string_equal(problem("udp:127.0.0.1:1").c_str(), "");
+}
+
 TEST(a_pty_takes_no_name_that_a_file_has) {
   const std::string path = leadline::test::scratch_directory() + "/precious";
   std::ofstream(path) << "data";

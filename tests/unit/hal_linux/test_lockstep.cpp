@@ -188,4 +188,21 @@ TEST(a_socket_left_by_a_dead_emulator_is_replaced_and_nothing_else) {
   assert_false(third.listen("/nowhere/clock"));
 }
 
+TEST(only_the_own_socket_is_removed) {
+  const std::string path = socket_path();
+  {
+    LockstepServer server;
+    assert_true(server.listen(path));
+    assert_int_equal(::unlink(path.c_str()), 0);
+    std::ofstream(path) << "somebody else's";
+  }
+  assert_int_equal(::access(path.c_str(), F_OK), 0);
+  assert_int_equal(::unlink(path.c_str()), 0);
+  {
+    LockstepServer server;
+    assert_true(server.listen(path));
+  }
+  assert_int_equal(::access(path.c_str(), F_OK), -1);
+}
+
 }  // namespace

@@ -77,7 +77,7 @@ Flown fly(const std::vector<std::string>& more = {}) {
   sinks.downlink = [&](const std::uint8_t* data, std::size_t size) { receiver.feed(data, size); };
   Soundings soundings;
   flown.summary = fly_in_process(&fleet, &*vehicle, tables, file.cycle_us, sinks, &soundings);
-  flown.topside_hash = receiver.store()->link_hash();
+  flown.topside_hash = receiver.store()->cells_hash();
   flown.soundings = soundings.count();
   flown.csv = soundings.csv();
   flown.elevation = receiver.store()->elevation();
@@ -119,7 +119,7 @@ std::string complaint(const std::string& bytes) {
 TEST(the_map_that_arrives_is_the_vehicles_and_near_the_truth) {
   const Flown& flown = flight();
   assert_true(flown.summary.drained);
-  assert_true(flown.topside_hash == flown.summary.end.link_hash);
+  assert_true(flown.topside_hash == flown.summary.end.cells_hash);
   const auto comparison = compare_rasters(flown.elevation, flown.truth, &flown.touched, nullptr);
   assert_true(comparison.coverage > 0.95);
   assert_true(comparison.rmse_m < 0.25);
@@ -145,7 +145,7 @@ TEST(the_same_mission_gives_the_same_log) { assert_true(fly().log == flight().lo
 
 TEST(devices_that_stutter_cost_pings_and_nothing_else) {
   const Flown flown = fly({"lost_byte=0.001", "flipped_bit=0.001", "repeated_byte=0.0005"});
-  assert_true(flown.topside_hash == flown.summary.end.link_hash);
+  assert_true(flown.topside_hash == flown.summary.end.cells_hash);
   // A damaged answer costs the timeout of its request too.
   assert_true(flown.summary.end.pings_fused < flight().summary.end.pings_fused);
   assert_true(flown.summary.end.pings_fused > flight().summary.end.pings_fused / 5);
@@ -156,7 +156,7 @@ TEST(devices_that_stutter_cost_pings_and_nothing_else) {
 
 TEST(profiles_are_detected_on_the_vehicle) {
   const Flown flown = fly({"profile=true", "ping_interval_s=0.1"});
-  assert_true(flown.topside_hash == flown.summary.end.link_hash);
+  assert_true(flown.topside_hash == flown.summary.end.cells_hash);
   const auto comparison = compare_rasters(flown.elevation, flown.truth, &flown.touched, nullptr);
   assert_true(comparison.coverage > 0.9);
   assert_true(comparison.rmse_m < 0.4);
@@ -164,7 +164,7 @@ TEST(profiles_are_detected_on_the_vehicle) {
 
 TEST(a_scanner_beside_the_altimeters_has_a_table_of_its_own) {
   const Flown flown = fly({"ping360=true"});
-  assert_true(flown.topside_hash == flown.summary.end.link_hash);
+  assert_true(flown.topside_hash == flown.summary.end.cells_hash);
   assert_true(flown.summary.end.pings_in > flight().summary.end.pings_in);
   const auto comparison = compare_rasters(flown.elevation, flown.truth, &flown.touched, nullptr);
   assert_true(comparison.coverage > 0.95);
@@ -204,7 +204,6 @@ TEST(a_log_that_was_cut_replays_as_far_as_it_goes) {
 TEST(a_damaged_byte_costs_one_record_and_is_reported) {
   const std::string& log = flight().log;
   Random random;
-  // Configuration and tables at the front must be whole; behind them everything may break.
   const std::size_t first_cycle = log.size() / 4;
   for (int round = 0; round < 5; ++round) {
     std::string damaged = log;
@@ -226,10 +225,14 @@ TEST(what_cannot_replay_says_why) {
   assert_true(complaint("").find("no log") != std::string::npos);
   assert_true(complaint("north,east\n1,2\n").find("no log") != std::string::npos);
   assert_true(complaint(log.substr(0, 40)).find("no log") != std::string::npos);
-  // Bytes of the preamble, one after the other: never taken for good, never a crash.
+  // The same byte of both copies of the preamble: never taken for good, never a crash.
+  const std::size_t copy = log.find(log.substr(0, 60), 60);
+  assert_true(copy != std::string::npos);
   for (std::size_t at = 2; at < 2000; at += 97) {
     std::string damaged = log;
     damaged[at] = static_cast<char>(damaged[at] ^ 0x11);
+    assert_string_equal(complaint(damaged).c_str(), "");
+    damaged[at + copy] = damaged[at];
     assert_false(complaint(damaged).empty());
   }
   try {

@@ -134,7 +134,7 @@ TEST(a_clean_link_gives_the_vehicles_map) {
     feed(&receiver, Bytes(packet.begin(), middle));
     feed(&receiver, Bytes(middle, packet.end()));
   }
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
   assert_int_equal(receiver.store()->tiles_incomplete(), 0);
   assert_int_equal(receiver.counters().deltas, 100);
   assert_int_equal(receiver.counters().delta_bytes, bytes);
@@ -192,7 +192,7 @@ TEST(a_bad_link_never_gives_a_wrong_cell_and_heals_on_request) {
   for (std::uint32_t tile = 0; tile < 16; ++tile) {
     feed(&receiver, vehicle.repeat(tile));
   }
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
 }
 
 TEST(a_resend_request_names_the_tiles) {
@@ -258,7 +258,7 @@ TEST(who_joins_late_asks_for_what_never_came_once_the_vehicle_is_quiet) {
   feed(&receiver, vehicle.repeat(3));
   feed(&receiver, status_frame(3, 0, 500 + receiver.counters().delta_cells - before));
   assert_true(asked_for(&receiver).empty());
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
 }
 
 TEST(a_lost_last_word_is_found_by_counting_cells) {
@@ -272,7 +272,7 @@ TEST(a_lost_last_word_is_found_by_counting_cells) {
   const std::uint64_t came = receiver.counters().delta_cells;
   feed(&receiver, status_frame(1, 0, came + 17));
   assert_int_equal(receiver.store()->tiles_incomplete(), 0);
-  assert_true(receiver.store()->link_hash() != vehicle.hash());
+  assert_true(receiver.store()->cells_hash() != vehicle.hash());
   const auto ranges = asked_for(&receiver);
   assert_int_equal(ranges.size(), 1);
   assert_int_equal(ranges[0].count, 16);
@@ -280,10 +280,62 @@ TEST(a_lost_last_word_is_found_by_counting_cells) {
   const std::uint64_t again = receiver.counters().delta_cells - came;
   feed(&receiver, status_frame(1, 0, came + 17 + again));
   assert_true(asked_for(&receiver).empty());
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
   // Once is enough.
   feed(&receiver, status_frame(1, 0, came + 17 + again));
   assert_true(asked_for(&receiver).empty());
+}
+
+TEST(briefs_count_as_statuses) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  const auto brief_frame = [](std::uint32_t tiles_dirty, std::uint64_t cells_sent) {
+    leadline::proto::Brief brief{};
+    brief.alarms = leadline::proto::kAlarmNoPose;
+    brief.tiles_known = 1;
+    brief.tiles_dirty = tiles_dirty;
+    brief.cells_sent = static_cast<std::uint32_t>(cells_sent);
+    brief.pings_fused = 77;
+    std::uint8_t payload[leadline::proto::kMaxBrief_bytes];
+    return frame(payload, encode_brief(brief, payload, sizeof payload).value());
+  };
+  feed(&receiver, hello_frame(grid_hello()));
+  feed(&receiver, brief_frame(0, 0));
+  feed(&receiver, vehicle.change(5, &random));
+  (void)vehicle.change(5, &random);  // lost
+  const std::uint64_t came = receiver.counters().delta_cells;
+  feed(&receiver, brief_frame(1, came + 17));
+  assert_true(asked_for(&receiver).empty());
+  feed(&receiver, brief_frame(0, came + 17));
+  assert_int_equal(asked_for(&receiver).size(), 1);
+  assert_int_equal(receiver.counters().statuses, 3);
+  assert_int_equal(receiver.status()->alarms, leadline::proto::kAlarmNoPose);
+  assert_int_equal(receiver.status()->pings[leadline::proto::kPingFused], 77);
+  const Bytes cut = {0x05, 1, 2};
+  feed(&receiver, frame(cut.data(), cut.size()));
+  assert_int_equal(receiver.counters().malformed, 1);
+  // Everything that came is a byte of the link.
+  assert_int_equal(receiver.counters().link_bytes, receiver.counters().bytes);
+  assert_true(receiver.bytes_per_changed_cell_all() > receiver.bytes_per_changed_cell());
+}
+
+TEST(who_hears_frames_and_no_hello_asks_for_one) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  assert_true(receiver.resend_request().empty());  // silence is no vehicle
+  feed(&receiver, vehicle.change(1, &random));
+  const Bytes request = receiver.resend_request();
+  leadline::proto::FrameDecoderBuffer<> buffer;
+  leadline::proto::FrameView view{};
+  std::size_t used = 0;
+  assert_true(buffer.decoder().feed(request.data(), request.size(), used, view));
+  assert_true(leadline::proto::is_hello_request(view.payload, view.payload_bytes));
+  feed(&receiver, request);  // its echo is no hello
+  assert_false(receiver.resend_request().empty());
+  feed(&receiver, hello_frame(grid_hello()));
+  assert_true(receiver.resend_request().empty());
 }
 
 TEST(who_joins_late_keeps_what_comes_before_the_hello) {
@@ -295,7 +347,7 @@ TEST(who_joins_late_keeps_what_comes_before_the_hello) {
   }
   assert_true(receiver.store() == nullptr);
   feed(&receiver, hello_frame(grid_hello()));
-  assert_true(receiver.store()->link_hash() == vehicle.hash());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
   assert_int_equal(receiver.counters().before_hello, 0);
 }
 

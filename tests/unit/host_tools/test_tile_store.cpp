@@ -188,9 +188,9 @@ TEST(the_hash_is_that_of_all_tiles) {
   for (int tile = 0; tile < 6; ++tile) {
     hash = leadline::proto::add_tile_hash(hash, tile_hash(nothing.data()));
   }
-  assert_true(store.link_hash() == hash);
+  assert_true(store.cells_hash() == hash);
   (void)store.apply(Sender(2).set({0}, 1000));
-  assert_true(store.link_hash() != hash);
+  assert_true(store.cells_hash() != hash);
 }
 
 }  // namespace

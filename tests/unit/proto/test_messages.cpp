@@ -78,6 +78,63 @@ TEST(status_is_as_specified) {
   assert_int_equal(status.ports[1].state, 0);
 }
 
+TEST(brief_is_as_specified) {
+  check_contract(brief_of(sample_status()), spec_bytes("Brief of that status"), encode_brief,
+                 decode_brief);
+  Brief brief = brief_of(sample_status());
+  assert_int_equal(brief.position_cm[0], 1234);
+  assert_int_equal(brief.sigma_horizontal_cm, 9);
+  // The farthest of everything is still within the bound, and comes back.
+  brief = {UINT32_MAX, UINT32_MAX, 7,          {214'748'364, -214'748'364, 1},
+           UINT16_MAX, UINT16_MAX, UINT32_MAX, UINT32_MAX,
+           UINT32_MAX, UINT32_MAX};
+  const Bytes bytes = encoded(brief, encode_brief);
+  assert_true(bytes.size() <= kMaxBrief_bytes);
+  const Brief back = decode_brief(bytes.data(), bytes.size()).value();
+  assert_memory_equal(back.position_cm, brief.position_cm, sizeof brief.position_cm);
+  assert_int_equal(back.cells_sent, UINT32_MAX);
+}
+
+TEST(a_brief_brings_a_status_up_to_date) {
+  Status status = sample_status();
+  Status later = status;
+  later.t_us += 2'345'000;
+  later.alarms = kAlarmNoPose;
+  later.position_mm[1] = -55'550;
+  later.sigma_position_cm[1] = 70;
+  later.pings[kPingFused] = 900;
+  later.tiles_dirty = 0;
+  later.cells_sent = 123'456;
+  later.nav_fused = 1;  // not in a brief
+  apply_brief(brief_of(later), status);
+  assert_true(status.t_us == later.t_us);
+  assert_int_equal(status.alarms, kAlarmNoPose);
+  assert_int_equal(status.position_mm[0], 12'340);
+  assert_int_equal(status.position_mm[1], -55'550);
+  assert_int_equal(status.sigma_position_cm[0], 70);
+  assert_int_equal(status.pings[kPingFused], 900);
+  assert_int_equal(status.tiles_dirty, 0);
+  assert_int_equal(status.cells_sent, 123'456);
+  assert_int_equal(status.nav_fused, 300);
+  // One that was late: time goes back, and through the wrap of its milliseconds.
+  Status early = sample_status();
+  early.t_us = -7000;
+  apply_brief(brief_of(early), status);
+  assert_true(status.t_us == -7000);
+}
+
+TEST(hello_request_is_a_byte) {
+  std::uint8_t byte = 0;
+  assert_int_equal(static_cast<int>(encode_hello_request(&byte, 0).status()),
+                   static_cast<int>(BaseStatus::kFull));
+  assert_int_equal(encode_hello_request(&byte, 1).value(), 1);
+  assert_int_equal(byte, 0x41);
+  assert_true(is_hello_request(&byte, 1));
+  assert_false(is_hello_request(&byte, 0));
+  byte = 0x40;
+  assert_false(is_hello_request(&byte, 1));
+}
+
 TEST(text_is_as_specified) {
   check_contract(sample_text(), spec_bytes("Text: t 5, warning"), encode_text, decode_text);
 }
@@ -94,7 +151,7 @@ TEST(resend_request_is_as_specified) {
 
 TEST(schema_text_stands_in_the_specification) {
   assert_string_equal(schema_text(), spec_block("# Schema\n").c_str());
-  assert_int_equal(schema_hash(), 0xD383497D);
+  assert_int_equal(schema_hash(), 0x13EDA2BF);
 }
 
 TEST(largest_messages_fit_their_bounds) {
@@ -206,6 +263,17 @@ TEST(status_fields_out_of_range_are_refused) {
                    static_cast<int>(BaseStatus::kOutOfRange));
 }
 
+TEST(brief_fields_out_of_range_are_refused) {
+  Brief brief = brief_of(sample_status());
+  brief.pose_validity = 8;
+  refused(brief, encode_brief);
+  brief = brief_of(sample_status());
+  brief.position_cm[2] = 214'748'365;
+  refused(brief, encode_brief);
+  const Bytes bytes = encoded(brief_of(sample_status()), encode_brief);
+  refused_bytes(bytes, 6, 8, BaseStatus::kOutOfRange, decode_brief);
+}
+
 TEST(text_takes_clean_utf8_only) {
   const auto status_of = [](const std::string& raw) {
     Bytes bytes = {0x04, 0, 0, 0, 0, 0, 0, 0, 0, 0, static_cast<std::uint8_t>(raw.size())};
@@ -290,7 +358,7 @@ TEST(types_are_known_or_skipped) {
     known += is_known ? 1 : 0;
     assert_true(!is_known || static_cast<int>(type) == byte);
   }
-  assert_int_equal(known, 12);
+  assert_int_equal(known, 14);
   MessageType type{};
   assert_false(message_type(nullptr, 0, type));
 }
