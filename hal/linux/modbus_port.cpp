@@ -176,7 +176,6 @@ void ModbusPort::run() {
     wait_us = 0;
     if (wait_for_request(kIdle_ms)) {
       serve();
-      request_.full = false;
     }
   }
 }
@@ -192,15 +191,19 @@ bool ModbusPort::send_request() {
 void ModbusPort::serve() {
   if (!send_request()) {
     disconnect(errno);
+    request_.full = false;
     return;
   }
   std::array<std::uint8_t, MODBUS_MAX_ADU_LENGTH> bytes{};
   const int size = modbus_receive_confirmation(context_, bytes.data());
+  const int error = errno;
+  // Before the answer is there to be read: who has read it may ask again.
+  request_.full = false;
   if (size > 0) {
     deliver(bytes.data(), static_cast<std::size_t>(size));
     return;
   }
-  const int number = size < 0 ? errno : EMBBADSLAVE;
+  const int number = size < 0 ? error : EMBBADSLAVE;
   if (number == ETIMEDOUT) {
     ++timeouts_;
   } else {

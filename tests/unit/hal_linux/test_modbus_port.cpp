@@ -105,12 +105,15 @@ void poll_sensor(LinuxPort& port, Slave& slave, KellerCodec& codec, int wanted) 
             ++samples;
           }
         }
+        if (samples >= wanted) {
+          return true;  // and nothing is under way
+        }
         std::uint8_t request[KellerCodec::kMaxRequest_bytes];
         const std::size_t size = codec.request(monotonic_us(), request, sizeof request);
         if (size > 0) {
           (void)port.write(request, size);
         }
-        return samples >= wanted;
+        return false;
       },
       "samples");
 }
