@@ -197,7 +197,10 @@ bool KongsbergCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::Pi
   return next_datagram(ping);
 }
 
-bool KongsbergCodec::next(base::Ping& ping) {
+bool KongsbergCodec::next(base::Ping& ping) { return take_beam(ping) || next_datagram(ping); }
+
+/// The next usable beam of the open datagram.
+bool KongsbergCodec::take_beam(base::Ping& ping) {
   while (next_beam_ < beam_count_) {
     const Beam& beam = beams_[next_beam_];
     ++next_beam_;
@@ -221,7 +224,7 @@ bool KongsbergCodec::next(base::Ping& ping) {
     ++counters_.records;
     return true;
   }
-  return next_datagram(ping);
+  return false;
 }
 
 bool KongsbergCodec::take_sample(base::NavSample& sample) {
@@ -251,8 +254,8 @@ bool KongsbergCodec::next_datagram(base::Ping& ping) {
     beam_count_ = 0;
     next_beam_ = 0;
     open(frame);
-    if (beam_count_ > 0) {
-      return next(ping);
+    if (take_beam(ping)) {
+      return true;
     }
   }
   return false;

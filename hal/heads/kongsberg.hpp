@@ -105,6 +105,7 @@ class KongsbergCodec {
     std::int64_t heave_um;
   };
 
+  [[nodiscard]] bool take_beam(base::Ping& ping);
   [[nodiscard]] bool next_datagram(base::Ping& ping);
   void open(const FrameBytes& frame);
   void open_all(const FrameBytes& frame);
