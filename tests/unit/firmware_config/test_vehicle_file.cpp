@@ -4,6 +4,7 @@
 
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/config/vehicle_file.hpp"
+#include "firmware/pipeline/driver_codecs.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -170,6 +171,62 @@ TEST(every_key_is_read) {
   assert_int_equal(config.link.max_tile_age_us, 250'000);
   assert_string_equal(file.log.path.c_str(), "/survey/log.lll");
   assert_int_equal(file.log.max_bytes, 1'000'000);
+}
+
+// What every driver resolves to reads back to the same, and nothing is left to guess.
+TEST(every_driver_is_configured_by_its_name_alone) {
+  for (const auto& info : leadline::firmware::kDrivers) {
+    if (!leadline::firmware::driver_enabled(info.driver)) {
+      continue;
+    }
+    const std::string port =
+        "[[port]]\nuri = \"serial:/dev/ttyS0:9600\"\ndriver = \"" + std::string(info.name) + "\"\n";
+    const VehicleFile file = parse(kGrid + kMount + kLink + port);
+    assert_int_equal(file.config.ports[0].driver, info.driver);
+    assert_int_equal(file.config.ports[0].byte_time_ns, 1'041'666);
+    const std::string resolved = vehicle_file_to_toml(file);
+    assert_string_equal(vehicle_file_to_toml(parse(resolved)).c_str(), resolved.c_str());
+  }
+}
+
+TEST(options_of_drivers_reach_the_vehicle) {
+  using leadline::firmware::IntensityScale;
+  const VehicleFile file = parse(
+      kGrid + kMount + kLink +
+      "[[port]]\nuri = \"udp:h:1\"\ndriver = \"ping360\"\nclockwise = false\ngain = 2\n"
+      "frequency_khz = 800\naddress = 7\nintensity = \"amplitude\"\n"
+      "[[port]]\nuri = \"udp:h:2\"\ndriver = \"nmea\"\nuse_variation = true\nprdid_true = true\n"
+      "gauge_pressure = true\nrequire_checksum = false\nbyte_time_ns = 5\noptional = true\n"
+      "[[port]]\nuri = \"udp:h:3\"\ndriver = \"keller\"\nbus = \"keller\"\ninterval_ms = 12.5\n");
+  const auto* ports = file.config.ports;
+  const leadline::firmware::DeviceSetup setup{1'500'000};
+  const auto head = ping360_config(ports[0], setup);
+  assert_false(head.clockwise);
+  assert_int_equal(head.gain_setting, 2);
+  assert_int_equal(head.frequency_khz, 800);
+  assert_int_equal(head.device_id, 7);
+  assert_int_equal(head.byte_time_ns, 0);
+  assert_int_equal(ports[0].intensity_scale, IntensityScale::kAmplitude);
+  const auto sensor = nmea_config(ports[1], setup);
+  assert_true(sensor.use_variation && sensor.prdid_true && sensor.gauge_pressure);
+  assert_false(sensor.require_checksum);
+  assert_int_equal(sensor.byte_time_ns, 5);
+  assert_true(file.port_optional[1]);
+  assert_false(file.port_optional[0]);
+  const auto pressure = keller_config(ports[2], setup);
+  assert_int_equal(pressure.bus, leadline::hal::KellerBus::kKellerBus);
+  assert_int_equal(pressure.poll_interval_us, 12'500);
+  assert_int_equal(pressure.address, 1);
+}
+
+TEST(numbers_come_back_as_they_were_written) {
+  const VehicleFile file = parse(kSmallest +
+                                 "[navigation]\nsigma_attitude_deg = 0.15\n"
+                                 "magnetic_variation_deg = -7.3\n");
+  const std::string text = vehicle_file_to_toml(file);
+  assert_contains(text, "sigma_attitude_deg = 0.15\n");
+  assert_contains(text, "magnetic_variation_deg = -7.3\n");
+  assert_contains(text, "sigma_heading_deg = 2\n");
 }
 
 TEST(the_example_is_good_and_shows_every_key) {
