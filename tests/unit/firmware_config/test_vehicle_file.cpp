@@ -329,7 +329,7 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
       {kGrid + rest, "a table [[mount]] is missing"},
       {kGrid + "[mount]\nname = \"a\"\n" + rest, "v.toml:5: mount: has to be a table: [[mount]]"},
       {kGrid + "[[mount]]\ntable = \"t\"\n" + rest, "v.toml:5: [[mount]] name is missing"},
-      {kGrid + "[[mount]]\nname = \"a\"\n" + rest, "[[port]] its mount \\\"a\\\" has no table"},
+      {kGrid + "[[mount]]\nname = \"a\"\n" + rest, "[[port]] its mount \"a\" has no table"},
       {kGrid + kMount + kMount + rest,
        "v.toml:9: [[mount]] name = down: every mount has a name of its own"},
       {kGrid + "[[mount]]\nname = \"\"\ntable = \"t\"\n" + rest, "has a name of its own"},
