@@ -114,7 +114,7 @@ RayEnd end_of(const Ray& ray, const SoundSpeedProfile& profile, float head_speed
   RayEnd end{};
   end.across_um = micrometres(ray.across_m);
   end.down_um = micrometres(ray.down_m);
-  const float share = metres_per_s(profile.sigma_mm_s) / head_speed;
+  const float share = metres_per_s(profile.sigma_mm_s()) / head_speed;
   end.sigma_across_um = micrometres(2.0F * share * ray.across_m);
   if (ray.down_m > 0.0F) {
     const float slope = ray.across_m / ray.down_m;

@@ -62,12 +62,14 @@ class SoundSpeedProfile {
   /// Linear between the points. 0 without points. O(points).
   [[nodiscard]] std::int32_t speed_at_mm_s(std::int64_t depth_um) const;
 
-  /// One sigma of the profile as a whole, for the result's sigmas.
-  std::int32_t sigma_mm_s = 0;
+  /// One sigma of the profile as a whole, for the result's sigmas; 0 unless set.
+  void set_sigma(std::int32_t sigma_mm_s) { sigma_mm_s_ = sigma_mm_s; }
+  [[nodiscard]] std::int32_t sigma_mm_s() const { return sigma_mm_s_; }
 
  private:
   std::array<SoundSpeedPoint, kMaxProfilePoints> points_{};
   std::size_t count_ = 0;
+  std::int32_t sigma_mm_s_ = 0;
 };
 
 /// One beam as the head reported it, turned into the world.

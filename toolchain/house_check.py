@@ -13,7 +13,8 @@ Arrows (folder: what it may include with #include "..."):
   firmware/pipeline     itself, model, estimator, proto, hal/{heads,attitude},
                         hal/{ports,wire,codec,can_frame}.hpp
   firmware/config       itself, firmware/pipeline, model, proto, hal
-  host_tools            host_tools, proto, model, estimator, firmware/{pipeline,config}, hal
+  host_tools            host_tools, proto, model, estimator, firmware/{pipeline,config},
+                        hal/{heads,attitude,linux,emu}, hal/{wire,codec,can_frame}.hpp
   tests                 anything
   toolchain             nothing of ours
 
@@ -48,7 +49,8 @@ ARROWS = {
     "firmware/config": ["firmware/config", "firmware/pipeline", "model", "proto", "hal"],
     "host_tools": [
         "host_tools", "proto", "model", "estimator", "firmware/pipeline", "firmware/config",
-        "hal",
+        "hal/heads", "hal/attitude", "hal/linux", "hal/emu",
+        "hal/wire.hpp", "hal/codec.hpp", "hal/can_frame.hpp",
     ],
     "tests": None,
     "toolchain": ["toolchain"],

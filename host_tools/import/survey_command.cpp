@@ -171,7 +171,6 @@ int run_survey(const SurveyOptions& options) {
   estimator::SoundSpeedProfile profile;
   if (!options.profile_path.empty()) {
     profile = read_sound_speed_profile(options.profile_path);
-    profile.sigma_mm_s = static_cast<std::int32_t>(std::lround(1000.0 * options.sigma_profile_m_s));
     geometry.profile = &profile;
   }
   std::vector<SurveyLine> lines;

@@ -16,7 +16,6 @@ struct SurveyOptions {
   std::optional<double> origin_lat_deg;  ///< origin of north and east; default: the first position
   std::optional<double> origin_lon_deg;
   SurveyGeometry geometry;
-  double sigma_profile_m_s = 0;
   double spread_cell_m = 0.5;
   std::size_t spread_min_soundings = 10;
   bool fit_lever_arm = false;  ///< forward and starboard, from the soundings themselves

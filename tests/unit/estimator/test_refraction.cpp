@@ -160,7 +160,7 @@ TEST(the_stated_sigmas_are_those_of_a_shifted_profile) {
   for (const double angle : {0.0, 0.4, 0.7853981633974483, 1.1}) {
     SoundSpeedProfile profile;
     assert_true(profile.set_uniform(1'500'000) == Status::kOk);
-    profile.sigma_mm_s = 1'500;
+    profile.set_sigma(1'500);
     const RayLaunch launch{0, bam(angle), 1'500'000, 80'000'000};
     const RayEnd end = trace_ray(profile, launch).value();
     assert_true(profile.set_uniform(1'501'500) == Status::kOk);
