@@ -32,8 +32,8 @@
 #include <cstdint>
 
 #include "hal/codec.hpp"
+#include "hal/heads/exchange.hpp"
 #include "hal/heads/nav_queue.hpp"
-#include "hal/heads/ping_session.hpp"
 #include "model/base/nav_sample.hpp"
 #include "model/base/ping.hpp"
 #include "model/base/units.hpp"

@@ -33,7 +33,7 @@
 #include <cstdint>
 
 #include "hal/codec.hpp"
-#include "hal/heads/ping_session.hpp"
+#include "hal/heads/exchange.hpp"
 #include "model/base/ping.hpp"
 #include "model/base/units.hpp"
 
