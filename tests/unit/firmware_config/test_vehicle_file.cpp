@@ -359,7 +359,6 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
       {scanner + "scan_last_grad = -1\n", "scan_last_grad = -1: has to be 0 to 399"},
       {scanner + "scan_step_grad = 0\n", "scan_step_grad = 0: has to be 1 to 10"},
       {scanner + "profile = false\n", "driver \"ping360\" has no such key"},
-      {nmea + "mount = \"down\"\n", "driver \"nmea\" has no such key"},
       {nmea + "interval_ms = 5\n", "driver \"nmea\" has no such key"},
       {kGrid + kMount + kPort, "the table [link] with uri is missing"},
       {kGrid + kMount + kPort + "[link]\n", "[link] uri is missing"},
