@@ -1,57 +1,12 @@
-#include <cstring>
 #include <thread>
-#include <type_traits>
 
-#include "model/base/fixed_vector.hpp"
 #include "model/base/spsc_ring.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
 
-using leadline::base::FixedVector;
 using leadline::base::SpscRing;
 using leadline::base::Status;
-
-TEST(vector_holds_its_capacity_and_refuses_one_more) {
-  FixedVector<int, 3> vector;
-  assert_true(vector.empty());
-  for (int i = 0; i < 3; ++i) {
-    assert_int_equal(vector.push_back(10 + i), Status::kOk);
-  }
-  assert_true(vector.full());
-  assert_int_equal(vector.push_back(99), Status::kFull);
-  assert_int_equal(vector.size(), 3);
-  int expected = 10;
-  for (const int value : vector) {
-    assert_int_equal(value, expected);
-    ++expected;
-  }
-}
-
-TEST(vector_pops_clears_and_never_reads_outside) {
-  FixedVector<int, 2> vector;
-  assert_int_equal(vector.pop_back(), Status::kEmpty);
-  assert_int_equal(vector.push_back(1), Status::kOk);
-  assert_int_equal(vector.push_back(2), Status::kOk);
-  assert_int_equal(vector.pop_back(), Status::kOk);
-  assert_int_equal(vector.size(), 1);
-  vector[0] = 7;
-  assert_int_equal(vector[0], 7);
-  assert_int_equal(vector[1000], 2);  // the last slot's bytes, not memory beyond
-  vector.clear();
-  assert_true(vector.empty());
-}
-
-TEST(vector_is_copied_as_bytes) {
-  using Vector = FixedVector<int, 4>;
-  assert_true(std::is_trivially_copyable_v<Vector>);
-  Vector from;
-  assert_int_equal(from.push_back(5), Status::kOk);
-  Vector to;
-  std::memcpy(&to, &from, sizeof(to));
-  assert_int_equal(to.size(), 1);
-  assert_int_equal(to[0], 5);
-}
 
 TEST(ring_keeps_order_and_counts_what_it_refuses) {
   SpscRing<int, 4> ring;
