@@ -77,7 +77,7 @@ void add_render_command(CLI::App* app, CommandRun* run_later) {
   CLI::App* const command = app->add_subcommand("render", "Draw pictures of a map, as PNG");
   command
       ->add_option("map", options.input_path,
-                   "Folder that `leadline map` wrote, or one raster that GDAL reads")
+                   "Folder of `map`, `receive` or `replay`, or one raster that GDAL reads")
       ->type_name("PATH")
       ->required();
   command

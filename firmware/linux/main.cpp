@@ -72,6 +72,7 @@ void add_options(CLI::App* app, Options* options) {
       "summary; a\n"
       "second signal cuts the sending short. URIs: serial:PATH:BAUD, udp:HOST:PORT, "
       "tcp:HOST:PORT,\n"
+      "can:can0, modbus-rtu:PATH:BAUD:8N1@ADDRESS, modbus-tcp:HOST:PORT@ADDRESS, gpio:CHIP:LINE,\n"
       "file:PATH; udp:@:PORT and tcp:@:PORT listen.\n"
       "Exit status: 0 done, 2 usage or configuration, 3 input (a table, the emulator), 4 output "
       "(the\n"

@@ -67,7 +67,7 @@ void check(const VehicleFile& file) {
   require(navigation.sigma_attitude_urad >= 1 && navigation.sigma_heading_urad >= 1, "sigmas");
   require(navigation.max_gap_us >= 1000 && navigation.max_wait_us >= 0, "waits");
   require(config.link.rate_bytes_s >= 10, "rate");
-  require(config.link.mtu_bytes >= 64 && config.link.mtu_bytes <= 1400, "mtu");
+  require(config.link.mtu_bytes >= 128 && config.link.mtu_bytes <= 1400, "mtu");
   require(config.link.status_interval_us >= 1 && config.link.hello_interval_us >= 1, "intervals");
   require(config.link.max_tile_age_us <= 60'000'000, "tile age");
   require(file.cycle_us >= 1000 && file.cycle_us <= 1'000'000, "period");
