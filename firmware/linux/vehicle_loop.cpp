@@ -90,28 +90,13 @@ std::uint8_t VehicleLoop::source_number(std::size_t index) const {
 
 // ---- Ports --------------------------------------------------------------------------------------
 
-// Once per change: of the state, and of the reason why a port is closed.
-void VehicleLoop::say_changes(Line& line) {
-  const hal::PortState state = line.port->state();
-  const bool open = state == hal::PortState::kOpen;
-  const int number = open ? 0 : line.port->last_errno();
-  if (line.ever_said && state == line.said && number == line.said_errno) {
-    return;
-  }
-  const std::string why = number != 0 ? std::string(": ") + std::strerror(number) : "";
-  const bool lost = line.ever_said && line.said == hal::PortState::kOpen;
-  say(line.name + " " + line.uri +
-      (open ? ": open"
-            : (lost ? ": lost" : ": not there yet") + why + "; tried again until it is"));
-  line.said = state;
-  line.said_errno = number;
-  line.ever_said = true;
-}
-
 void VehicleLoop::service(base::TimeUs now_us) {
   for (Line& line : lines_) {
     line.port->service(now_us);
-    say_changes(line);
+    const std::string change = line.watch.change(*line.port);
+    if (!change.empty()) {
+      say(line.name + " " + line.uri + ": " + change);
+    }
   }
 }
 

@@ -18,6 +18,7 @@
 #include "firmware/pipeline/vehicle.hpp"
 #include "hal/linux/linux_port.hpp"
 #include "hal/linux/lockstep.hpp"
+#include "hal/linux/port_watch.hpp"
 
 namespace leadline::host {
 
@@ -59,9 +60,7 @@ class VehicleLoop {
     std::unique_ptr<hal::LinuxPort> port;
     std::string uri;
     std::string name;  ///< for messages: "port 0" or "link"
-    hal::PortState said = hal::PortState::kClosed;
-    int said_errno = 0;
-    bool ever_said = false;
+    hal::PortWatch watch;
   };
 
   void fly_real(const volatile std::sig_atomic_t& stop);
@@ -80,7 +79,6 @@ class VehicleLoop {
   void end_log();
   void add_host_report(base::TimeUs t_us);
   void service(base::TimeUs now_us);
-  static void say_changes(Line& line);
   [[nodiscard]] firmware::HostReport host_report() const;
   [[nodiscard]] std::uint32_t downlink_room() const;
   [[nodiscard]] std::size_t wait_set(bool only_link);

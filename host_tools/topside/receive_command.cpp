@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "hal/linux/linux_port.hpp"
+#include "hal/linux/port_watch.hpp"
 #include "hal/linux/uri.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/export/map_source.hpp"
@@ -33,6 +34,10 @@ constexpr double kResendEvery_s = 2.0;
 // A whole read of a socket at a time, and no more of them before the clock is looked at.
 constexpr std::size_t kRead_bytes = 65536;
 constexpr int kReadsPerRound = 64;
+// A link that said something and now nothing is told so after this; a slow one after twice its longest
+// pause, so that it is not told so over and over.
+constexpr double kSilence_s = 10.0;
+constexpr double kLongestSilence_s = 120.0;
 
 double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
@@ -129,6 +134,11 @@ class Session {
       throw HostError(ExitCode::kUsage, "receive: --link: " + uri.error);
     }
     is_file_ = uri.spec.scheme == hal::UriScheme::kFile;
+    const std::string problem =
+        is_file_ ? "" : hal::device_problem(uri.spec, hal::FileUse::kRead, true);
+    if (!problem.empty()) {
+      throw HostError(ExitCode::kInput, "receive: --link: " + problem);
+    }
     if (is_file_ && access(uri.spec.path.c_str(), R_OK) != 0) {
       throw HostError(ExitCode::kInput, uri.spec.path + ": cannot be read");
     }
@@ -168,7 +178,9 @@ class Session {
   bool round() {
     const std::size_t got = read_some();
     const double now = now_s();
+    say_port();
     say_notices();
+    say_silence(got > 0, now);
     if (got > 0) {
       last_byte_s_ = now;
     }
@@ -217,11 +229,36 @@ class Session {
     return sum;
   }
 
+  void say(const std::string& text) {
+    line_.wipe();
+    std::cerr << "receive: " << text << "\n";
+  }
+
+  void say_port() {
+    const std::string change = is_file_ ? "" : watch_.change(*port_);
+    // Whoever listens said so with the port's number.
+    if (!change.empty() && port_->local_port() == 0) {
+      say(options_.link_uri + ": " + change);
+    }
+  }
+
+  void say_silence(bool heard, double now) {
+    const double silent_s = now - last_byte_s_;
+    if (heard && said_silent_) {
+      said_silent_ = false;
+      say("heard again, after " + fixed_text(silent_s, 0) + " s");
+      silence_s_ = std::clamp(2.0 * silent_s, kSilence_s, kLongestSilence_s);
+    }
+    if (!heard && !said_silent_ && !is_file_ && receiver_.counters().bytes > 0 &&
+        silent_s >= silence_s_) {
+      said_silent_ = true;
+      say("warning: nothing heard for " + fixed_text(silent_s, 0) + " s");
+    }
+  }
+
   void say_notices() {
     for (const ReceiverNotice& notice : receiver_.take_notices()) {
-      line_.wipe();
-      std::cerr << "receive: " << severity_word(notice.severity) << printable(notice.text, 300)
-                << "\n";
+      say(severity_word(notice.severity) + printable(notice.text, 300));
     }
   }
 
@@ -250,19 +287,23 @@ class Session {
     return receive_summary_json(receiver_, vehicle_cells_hash_, now_s() - begin_s_);
   }
 
-  int finish() {
-    vehicle_cells_hash_ = receiver_.vehicle_cells_hash();
-    if (!options_.log_path.empty()) {
-      FlightLog log(options_.log_path);
-      FlightCycle cycle;
-      while (log.next(&cycle)) {
-      }
-      if (!log.end()) {
-        throw HostError(ExitCode::kInput,
-                        options_.log_path + ": has no end record to compare the map with");
-      }
-      vehicle_cells_hash_ = log.end()->cells_hash;
+  /// What the map has to be by --compare-log; without it by the log that was received, if it was one.
+  [[nodiscard]] std::optional<std::uint64_t> expected_cells_hash() const {
+    if (options_.log_path.empty()) {
+      return receiver_.vehicle_cells_hash();
     }
+    FlightLog log(options_.log_path);
+    FlightCycle cycle;
+    while (log.next(&cycle)) {
+    }
+    if (!log.end()) {
+      throw HostError(ExitCode::kInput,
+                      options_.log_path + ": has no end record to compare the map with");
+    }
+    return log.end()->cells_hash;
+  }
+
+  int finish() {
     const ReceiverCounters& counters = receiver_.counters();
     const TileStore* const store = receiver_.store();
     if (store == nullptr) {
@@ -271,6 +312,12 @@ class Session {
                           " bytes, " + std::to_string(counters.frames) + " whole frames, " +
                           std::to_string(counters.damaged_frames) +
                           " damaged, no hello of a vehicle");
+    }
+    try {
+      vehicle_cells_hash_ = expected_cells_hash();
+    } catch (const HostError&) {
+      write();  // a log that cannot be read does not cost the map
+      throw;
     }
     write();
     if (options_.json) {
@@ -311,6 +358,9 @@ class Session {
   Receiver receiver_;
   bool is_file_ = false;
   std::unique_ptr<hal::LinuxPort> port_;
+  hal::PortWatch watch_;
+  double silence_s_ = kSilence_s;
+  bool said_silent_ = false;
   std::vector<std::uint8_t> buffer_ = std::vector<std::uint8_t>(kRead_bytes);
   LiveLine line_;
   std::optional<std::uint64_t> vehicle_cells_hash_;

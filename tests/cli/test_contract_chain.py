@@ -222,6 +222,11 @@ class Receive(Chain):
         self.expect(self.run_leadline("receive", "--link", "file:/nowhere.bin"), INPUT, "/nowhere.bin")
         self.expect(self.receive(b"".join(self.downlink()), "--compare-log", "/nowhere.lll"), INPUT,
                     "/nowhere.lll")
+        self.assertTrue((self.out / "depth.tif").exists(), "a wrong log cost the map")
+        missing = self.dir / "ttyMissing"
+        self.expect(self.run_leadline("receive", "--link", f"serial:{missing}:115200", "--wait", 0.2), INPUT,
+                    "ttyMissing:115200: not there yet: No such file", "no map came")
+        self.expect(self.run_leadline("receive", "--link", f"serial:{self.dir}:115200"), INPUT, "is a folder")
         self.out = "/proc/leadline"
         self.expect(self.receive(b"".join(self.downlink())), OUTPUT, "/proc/leadline")
 
