@@ -260,7 +260,7 @@ TimeUs Vehicle::begin_cycle(TimeUs t_us) {
   if (first_cycle_) {
     first_cycle_ = false;
     now_us_ = limited;
-    before_us_ = limited;
+    before_us_ = -estimator::kMaxTime_us;  // what waited for the first cycle came when it says
     for (TimeUs& heard_us : watch_.last_record_us) {
       heard_us = limited;
     }

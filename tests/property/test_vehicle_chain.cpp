@@ -309,6 +309,23 @@ TEST(garbage_on_every_port_costs_frames_and_nothing_else) {
   assert_true(vehicle.link_hash() == other.link_hash());
 }
 
+TEST(bytes_that_came_before_the_first_cycle_are_no_step_of_the_clock) {
+  configure_rig(vehicle, rig_config());
+  RigOptions options;
+  options.seconds = 5;
+  bool first = true;
+  options.tamper = [&](RecordedCycle& cycle) {
+    if (first) {
+      cycle.chunks.insert(cycle.chunks.begin(), {kRigNavigation, cycle.t_us - 15'000, {'$'}});
+    }
+    first = false;
+  };
+  fly(vehicle, options);
+  assert_false(first);
+  assert_int_equal(vehicle.counters().chunk_time_clamped, 0);
+  assert_int_equal(vehicle.counters().cycle_time_clamped, 0);
+}
+
 TEST(time_that_goes_back_is_clamped_and_counted) {
   configure_rig(vehicle, rig_config());
   RigOptions options;
