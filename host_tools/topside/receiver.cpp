@@ -161,6 +161,10 @@ void Receiver::take_hello(const proto::FrameView& frame) {
     return;
   }
   if (store_ && same_map(store_->hello(), said)) {
+    // A vehicle without an origin of its own takes the first fix, after it has said hello.
+    if (said.has_geodetic_origin != 0) {
+      store_->take_place(said);
+    }
     return;
   }
   if (store_) {

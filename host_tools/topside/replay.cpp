@@ -67,12 +67,20 @@ std::string result_json(const ReplayResult& result) {
 void write_results(const ReplayOptions& options, const FlightLog& log, firmware::Vehicle* vehicle,
                    const Soundings& soundings, const ReplayResult& result) {
   OutputDir output(options.out_dir);
-  const MapConfig config = flight_map_config(log.config(), vehicle->model().table());
+  firmware::VehicleConfig flown = log.config();
+  const estimator::LocalPlane& plane = vehicle->navigator().plane();
+  if (plane.configured()) {  // by the configuration, or by the flight's first fix
+    flown.navigation.has_origin = 1;
+    flown.navigation.origin_latitude_e9deg = plane.origin().latitude_e9deg;
+    flown.navigation.origin_longitude_e9deg = plane.origin().longitude_e9deg;
+  }
+  const MapConfig config = flight_map_config(flown, vehicle->model().table());
   vehicle->model().extract();
   const ModelRasters rasters = model_rasters(vehicle->model());
   output.write("model.llm", save_model(vehicle->model(), config));
-  stage_map(&output, rasters.elevation, rasters.sigma,
-            {config.frame.lat_deg, config.frame.lon_deg, config.frame.epsg, std::nullopt});
+  stage_map(
+      &output, rasters.elevation, rasters.sigma,
+      {config.frame.lat_deg, config.frame.lon_deg, config.frame.epsg, config.frame.vertical_datum});
   output.write("pings.csv", soundings.csv());
   output.write("map.toml", map_config_to_toml(config));
   output.write("replay.json", result_json(result));

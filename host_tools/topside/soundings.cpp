@@ -91,12 +91,18 @@ MapConfig flight_map_config(const firmware::VehicleConfig& config,
     map.sonar.detect_range_mm = model.detect_range_um / 1000;
   }
   map.model.rule = static_cast<Rule>(model.rule);
+  map.model.k_p = static_cast<double>(model.k_p_q16) / 65536.0;
   if (config.navigation.has_origin != 0) {
     map.frame.lat_deg = static_cast<double>(config.navigation.origin_latitude_e9deg) / 1e9;
     map.frame.lon_deg = static_cast<double>(config.navigation.origin_longitude_e9deg) / 1e9;
   }
   if (config.epsg != 0) {
     map.frame.epsg = config.epsg;
+  }
+  if (config.vertical_datum[0] != '\0') {
+    const char* const datum = config.vertical_datum;
+    map.frame.vertical_datum =
+        std::string(datum, std::find(datum, datum + sizeof config.vertical_datum, '\0'));
   }
   return map;
 }

@@ -88,6 +88,13 @@ proto::CodedCell TileStore::cell(std::int32_t north, std::int32_t east) const {
   return tiles_[tile] ? tiles_[tile]->cells[index] : proto::kUnknownCell;
 }
 
+void TileStore::take_place(const proto::Hello& later) {
+  hello_.has_geodetic_origin = later.has_geodetic_origin;
+  hello_.latitude_e9deg = later.latitude_e9deg;
+  hello_.longitude_e9deg = later.longitude_e9deg;
+  hello_.epsg = later.epsg;
+}
+
 std::uint64_t TileStore::grid_cells() const {
   return static_cast<std::uint64_t>(hello_.size_cells[0]) *
          static_cast<std::uint64_t>(hello_.size_cells[1]);

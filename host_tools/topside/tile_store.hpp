@@ -31,6 +31,8 @@ class TileStore {
   explicit TileStore(const proto::Hello& hello);
 
   [[nodiscard]] const proto::Hello& hello() const { return hello_; }
+  /// A later hello of the same map: what it says of the place counts.
+  void take_place(const proto::Hello& later);
   [[nodiscard]] std::uint16_t tag() const { return tag_; }
 
   /// O(tile).

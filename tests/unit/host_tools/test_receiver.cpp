@@ -389,6 +389,25 @@ TEST(a_new_session_begins_a_new_map_and_hands_over_the_old) {
   assert_int_equal(receiver.store()->known_cells(), 0);
 }
 
+TEST(a_later_hello_tells_where_the_map_lies_and_keeps_its_cells) {
+  Random random;
+  Receiver receiver;
+  Speaker speaker(grid_hello());
+  feed(&receiver, hello_frame(grid_hello()));
+  feed(&receiver, speaker.change(0, &random));
+  const std::uint64_t known = receiver.store()->known_cells();
+  Hello placed = grid_hello();
+  placed.has_geodetic_origin = 1;
+  placed.latitude_e9deg = 54'305'000'000;
+  placed.longitude_e9deg = -10'125'000'000;
+  feed(&receiver, hello_frame(placed));
+  feed(&receiver, hello_frame(grid_hello()));  // an older one that was overtaken
+  assert_int_equal(receiver.store()->hello().has_geodetic_origin, 1);
+  assert_true(receiver.store()->hello().latitude_e9deg == 54'305'000'000);
+  assert_true(receiver.store()->hello().longitude_e9deg == -10'125'000'000);
+  assert_true(known > 0 && receiver.store()->known_cells() == known);
+}
+
 TEST(a_survey_that_was_not_asked_for_is_passed_over) {
   Random random;
   Receiver receiver(std::uint64_t{42});
