@@ -1,4 +1,5 @@
 #include <fstream>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -270,6 +271,25 @@ TEST(the_example_is_good_and_shows_every_key) {
       assert_contains(text, line.substr(0, equals + 3));
     }
     at = end + 1;
+  }
+}
+
+TEST(the_example_names_the_keys_of_every_driver) {
+  const std::string example = vehicle_example();
+  for (const leadline::firmware::DriverInfo& info : leadline::firmware::kDrivers) {
+    if (!leadline::firmware::driver_enabled(info.driver)) {
+      continue;
+    }
+    assert_contains(example, info.name);
+    const std::string resolved = vehicle_file_to_toml(parse(
+        kGrid + kMount + kLink + "[[port]]\nuri = \"udp:h:1\"\ndriver = \"" + info.name + "\"\n"));
+    std::istringstream lines(resolved.substr(resolved.find("[[port]]")));
+    for (std::string line; std::getline(lines, line);) {
+      const std::size_t equals = line.find(" = ");
+      if (equals != std::string::npos) {
+        assert_contains(example, line.substr(0, equals));
+      }
+    }
   }
 }
 
