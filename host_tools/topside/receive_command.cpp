@@ -4,7 +4,6 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <iostream>
 #include <memory>
 
@@ -71,14 +70,12 @@ class LiveLine {
     if (!enabled_) {
       return;
     }
-    std::fprintf(stderr, "\r\033[K%s", text(receiver, bytes_per_s).c_str());
-    std::fflush(stderr);
+    std::cerr << "\r\033[K" << text(receiver, bytes_per_s) << std::flush;
     drawn_ = true;
   }
   void wipe() {
     if (drawn_) {
-      std::fputs("\r\033[K", stderr);
-      std::fflush(stderr);
+      std::cerr << "\r\033[K" << std::flush;
     }
     drawn_ = false;
   }
