@@ -216,7 +216,8 @@ void read_port_mount(const TomlSection& section, const std::vector<std::string>&
 }
 
 void read_port_range(const TomlSection& section, const SonarRanges& ranges, PortConfig* port) {
-  constexpr auto kRange_mm = static_cast<double>(base::kMaxRange_um / 1000);
+  constexpr std::int64_t kLongest_mm = base::kMaxRange_um / 1000;
+  constexpr auto kRange_mm = static_cast<double>(kLongest_mm);
   std::int64_t min_mm = ranges.min_range_mm;
   std::int64_t max_mm = ranges.max_range_mm;
   section.read_integer("min_range_mm", {0, kRange_mm}, &min_mm);
@@ -375,7 +376,7 @@ PortSection read_port(const TomlSection& section, const PortContext& context) {
   read_uri(section, &result.uri);
   section.read_bool("optional", &result.optional);
   if (!section.has("driver")) {
-    section.find_missing("driver is missing: \"ping1d\", \"nmea\", ...");
+    section.find_missing(R"(driver is missing: "ping1d", "nmea", ...)");
   }
   const std::size_t driver = section.read_choice("driver", kDriverNames, kDriverNames.size());
   if (driver == kDriverNames.size()) {

@@ -76,14 +76,18 @@ struct Calls {
   static Codec& of(void* codec) { return *static_cast<Codec*>(codec); }
 
   static void* make(void* storage, const PortConfig& port, const DeviceSetup& setup) {
+    // NOLINTBEGIN(cppcoreguidelines-owning-memory): the port owns the storage
     // house: begin allow new: constructs in the port's own storage, no heap
     return ::new (storage) Codec(Entry::config_of(port, setup));
     // house: end allow
+    // NOLINTEND(cppcoreguidelines-owning-memory)
   }
   static void* make_default(void* storage) {
+    // NOLINTBEGIN(cppcoreguidelines-owning-memory): the port owns the storage
     // house: begin allow new: constructs in the port's own storage, no heap
     return ::new (storage) Codec(for_decoding(typename Entry::Config{}));
     // house: end allow
+    // NOLINTEND(cppcoreguidelines-owning-memory)
   }
   static RecordKind feed(void* codec, std::uint8_t byte, base::TimeUs t_arrival_us,
                          DeviceRecord& record) {

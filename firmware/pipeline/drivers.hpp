@@ -92,8 +92,8 @@ static_assert(detail::numbered_in_order(), "driver_info() looks a driver up by i
 }
 
 [[nodiscard]] constexpr bool is_head(Driver driver) {
-  const DriverInfo* const info = driver_info(driver);
-  return info != nullptr && info->kind == DriverKind::kHead;
+  const auto number = static_cast<std::size_t>(driver);
+  return number >= 1 && number <= kDrivers.size() && kDrivers[number - 1].kind == DriverKind::kHead;
 }
 
 }  // namespace leadline::firmware

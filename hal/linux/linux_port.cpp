@@ -122,7 +122,7 @@ std::string device_problem(const UriSpec& spec, FileUse use, bool may_be_missing
   struct stat info {};
   if (::stat(spec.path.c_str(), &info) != 0) {
     const bool missing = errno == ENOENT || errno == ENOTDIR;
-    const std::string why = quoted + std::strerror(errno);
+    std::string why = quoted + std::strerror(errno);
     if (!missing) {
       return why;
     }

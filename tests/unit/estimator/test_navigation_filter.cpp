@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 #include "estimator/navigation_filter.hpp"
 #include "tests/support/test.hpp"
@@ -414,6 +415,54 @@ TEST(a_gap_grows_the_covariance_alike_in_one_step_or_many) {
   assert_true(a > 10'000 && std::abs(a - b) < 0.002 * a);
 }
 
+// One call of any kind with any arguments that a sensor can have.
+void call_anything(NavigationFilter& filter, Random& random) {
+  const std::int64_t v[3] = {random.between(-9'000'000, 9'000'000),
+                             random.between(-9'000'000, 9'000'000),
+                             random.between(-9'000'000, 9'000'000)};
+  const std::uint32_t sigmas[2] = {static_cast<std::uint32_t>(random.between(1, 3'000'000)),
+                                   static_cast<std::uint32_t>(random.between(1, 3'000'000))};
+  const std::int64_t sigma = random.between(1, 100'000'000);
+  const auto arm = [&random] { return static_cast<std::int32_t>(random.between(-30'000, 30'000)); };
+  LeverArm lever;
+  lever.forward_mm = arm();
+  lever.right_mm = arm();
+  lever.down_mm = arm();
+  const TimeUs age = random.between(0, 5'000'000);
+  const auto angle = [&random] { return static_cast<Bam32>(random.next()); };
+  const Bam32 first = angle();
+  const Bam32 second = angle();
+  switch (random.between(0, 8)) {
+    case 0:
+      static_cast<void>(filter.update_position(v, sigma, lever, age));
+      break;
+    case 1:
+      static_cast<void>(filter.update_depth(v[0], sigma, lever, age));
+      break;
+    case 2:
+      static_cast<void>(filter.update_level(first, second, sigmas, age));
+      break;
+    case 3:
+      static_cast<void>(filter.update_heading(first, sigmas[0], age));
+      break;
+    case 4:
+      static_cast<void>(filter.update_velocity_bottom(v, sigma, lever, age));
+      break;
+    case 5:
+      static_cast<void>(filter.update_velocity_water(v, sigma, lever, age));
+      break;
+    case 6:
+      static_cast<void>(filter.update_velocity_world(v, sigma, age));
+      break;
+    case 7:
+      static_cast<void>(filter.update_altitude(v[0], v[1], sigma, lever, age));
+      break;
+    default:
+      filter.set_rates(v);
+      break;
+  }
+}
+
 // Any sequence of calls leaves a covariance that is one.
 TEST(random_calls_leave_a_sound_covariance) {
   Random random(3);
@@ -423,47 +472,7 @@ TEST(random_calls_leave_a_sound_covariance) {
     for (int i = 0; i < 400; ++i) {
       t += random.between(-100'000, 2'000'000);
       filter.predict(t);
-      const std::int64_t v[3] = {random.between(-9'000'000, 9'000'000),
-                                 random.between(-9'000'000, 9'000'000),
-                                 random.between(-9'000'000, 9'000'000)};
-      const std::uint32_t sigmas[2] = {static_cast<std::uint32_t>(random.between(1, 3'000'000)),
-                                       static_cast<std::uint32_t>(random.between(1, 3'000'000))};
-      const std::int64_t sigma = random.between(1, 100'000'000);
-      const LeverArm lever{static_cast<std::int32_t>(random.between(-30'000, 30'000)),
-                           static_cast<std::int32_t>(random.between(-30'000, 30'000)),
-                           static_cast<std::int32_t>(random.between(-30'000, 30'000))};
-      const TimeUs age = random.between(0, 5'000'000);
-      switch (random.between(0, 8)) {
-        case 0:
-          static_cast<void>(filter.update_position(v, sigma, lever, age));
-          break;
-        case 1:
-          static_cast<void>(filter.update_depth(v[0], sigma, lever, age));
-          break;
-        case 2:
-          static_cast<void>(filter.update_level(static_cast<Bam32>(random.next()),
-                                                static_cast<Bam32>(random.next()), sigmas, age));
-          break;
-        case 3:
-          static_cast<void>(
-              filter.update_heading(static_cast<Bam32>(random.next()), sigmas[0], age));
-          break;
-        case 4:
-          static_cast<void>(filter.update_velocity_bottom(v, sigma, lever, age));
-          break;
-        case 5:
-          static_cast<void>(filter.update_velocity_water(v, sigma, lever, age));
-          break;
-        case 6:
-          static_cast<void>(filter.update_velocity_world(v, sigma, age));
-          break;
-        case 7:
-          static_cast<void>(filter.update_altitude(v[0], v[1], sigma, lever, age));
-          break;
-        default:
-          filter.set_rates(v);
-          break;
-      }
+      call_anything(filter, random);
       const auto& p = filter.covariance();
       for (std::size_t a = 0; a < kErrorStates; ++a) {
         assert_true(p[a * kErrorStates + a] > 0.0F);
@@ -478,6 +487,33 @@ TEST(random_calls_leave_a_sound_covariance) {
       assert_int_equal(filter.faults() & kFaultCovariance, 0);
     }
   }
+}
+
+// Integers in, bits out: whatever the compiler, its options and the machine, this is the number. The release,
+// sanitizer and coverage builds all hold it.
+TEST(the_same_bits_everywhere) {
+  Random random(20'261'122, 0);
+  std::uint64_t hash = 0xCBF29CE484222325U;
+  const auto add = [&hash](std::uint64_t value) { hash = (hash ^ value) * 0x100000001B3U; };
+  for (int run = 0; run < 10; ++run) {
+    NavigationFilter filter;
+    TimeUs t = 0;
+    for (int i = 0; i < 400; ++i) {
+      t += random.between(1'000, 500'000);
+      filter.predict(t);
+      call_anything(filter, random);
+    }
+    for (const float value : filter.covariance()) {
+      std::uint32_t bits = 0;
+      std::memcpy(&bits, &value, sizeof(bits));
+      add(bits);
+    }
+    add(static_cast<std::uint64_t>(filter.position_um(kNorth, 1'000)));
+    add(filter.attitude().heading_bam32);
+    add(filter.sigma_attitude_urad(0));
+  }
+  print_message("hash %016llx\n", static_cast<unsigned long long>(hash));
+  assert_true(hash == 0x6A9CE096E706D9C4U);
 }
 
 }  // namespace
