@@ -110,6 +110,12 @@ hal::ImagenexConfig imagenex_config(const PortConfig& port, const DeviceSetup& /
   return head;
 }
 
+hal::KongsbergConfig kongsberg_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  auto head = head_of<hal::KongsbergConfig>(port);
+  head.device_clock = false;  // of the day, which the vehicle's clock is not
+  return head;
+}
+
 hal::TritechConfig tritech_config(const PortConfig& port, const DeviceSetup& setup) {
   auto head = head_of<hal::TritechConfig>(port);
   set(head.head, port.variant_plus_1 - 1, port.variant_plus_1 != 0);

@@ -28,6 +28,7 @@
 #include "hal/heads/cerulean.hpp"
 #include "hal/heads/deltat83p.hpp"
 #include "hal/heads/imagenex.hpp"
+#include "hal/heads/kongsberg.hpp"
 #include "hal/heads/ping1d.hpp"
 #include "hal/heads/ping360.hpp"
 #include "hal/heads/r2sonic.hpp"
@@ -59,6 +60,8 @@ struct DeviceSetup {
 [[nodiscard]] hal::XsensConfig xsens_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::WlDvlConfig wldvl_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::Pd0Config pd0_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::KongsbergConfig kongsberg_config(const PortConfig& port,
+                                                    const DeviceSetup& setup);
 [[nodiscard]] hal::TritechConfig tritech_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::Wl3dConfig wl3d_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::TraxConfig trax_config(const PortConfig& port, const DeviceSetup& setup);
@@ -89,6 +92,7 @@ using DriverEntries =
                DriverEntry<Driver::kCerulean, hal::CeruleanCodec, &cerulean_config>,
                DriverEntry<Driver::kImagenex, hal::ImagenexCodec, &imagenex_config>,
                DriverEntry<Driver::kDeltat83p, hal::Deltat83pCodec, &deltat83p_config>,
+               DriverEntry<Driver::kKongsberg, hal::KongsbergCodec, &kongsberg_config>,
                DriverEntry<Driver::kTritech, hal::TritechCodec, &tritech_config>,
                DriverEntry<Driver::kWl3d, hal::Wl3dCodec, &wl3d_config>,
                DriverEntry<Driver::kTrax, hal::TraxCodec, &trax_config>,
