@@ -26,6 +26,11 @@ void add_probe_command(CLI::App* app, CommandRun* run) {
                     "Also send the requests of devices that wait for them, one driver after the\n"
                     "other until one answers; other devices may take them amiss");
   command
+      ->add_option("--model", options->model,
+                   "--ask: only heads of this kind (surveyor, 881a, profiler ..): some answer\n"
+                   "the requests of others")
+      ->type_name("NAME");
+  command
       ->add_option("--seconds", options->seconds, "How long to listen, after asking; 0: to Ctrl-C")
       ->type_name("S")
       ->capture_default_str();

@@ -163,9 +163,11 @@ NavKind kind_of(const NavSample& sample) {
 }
 
 /// Echo sounders on a ship's bus send "depth", and mean the water below their transducer: DBT, DPT,
-/// PGN 128267.
-bool calls_altitude_depth(Driver driver) {
-  return driver == Driver::kNmea || driver == Driver::kNmea2000;
+/// PGN 128267. An altimeter of a vehicle (PRVAT) knows its own depth as well.
+bool is_depth_of_water(const NavSample& sample, Driver driver) {
+  const bool bus = driver == Driver::kNmea || driver == Driver::kNmea2000;
+  return bus && kind_of(sample) == NavKind::kAltitude &&
+         (sample.fields & (base::kNavPressure | base::kNavDepth)) == 0;
 }
 
 enum class AngleKind : std::uint8_t { kTransducer, kTransducerFromAft, kFan };
@@ -229,7 +231,7 @@ ordered_json sample_json(const NavSample& sample, Driver driver, std::optional<b
   const NavKind about = kind_of(sample);
   const KindName& name = kKinds[static_cast<std::size_t>(about)];
   const std::uint32_t fields = sample.fields;
-  const bool sounder = about == NavKind::kAltitude && calls_altitude_depth(driver);
+  const bool sounder = is_depth_of_water(sample, driver);
   ordered_json json;
   json["record"] = sounder ? "depth" : name.name;
   json["t_us"] = time_json(t_us);

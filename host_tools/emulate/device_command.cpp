@@ -125,6 +125,18 @@ class DeviceLine {
     flush();
   }
 
+  /// Gives the other end a moment to take what was sent.
+  void drain() {
+    constexpr base::TimeUs kMoment_us = 500'000;
+    const base::TimeUs until_us = monotonic_us() + kMoment_us;
+    service();
+    while (waiting_.size() + port_->pending_out_bytes() > 0 && monotonic_us() < until_us) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      service();
+    }
+    lost_bytes_ += waiting_.size() + port_->pending_out_bytes();
+  }
+
  private:
   void open_pty(const std::string& link) {
     pty_ = std::make_unique<hal::PtyPair>(link);
@@ -242,7 +254,7 @@ class DeviceRun {
       step(end_us == 0 ? target_us : std::min(target_us, end_us));
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    line_.service();
+    line_.drain();
   }
 
   void print_summary() const {

@@ -105,13 +105,15 @@ Device make_ping360(std::size_t /*variant*/, const DeviceScene& scene) {
   return std::make_unique<emu::EmulatedPing360>(emu::EmulatedPing360Config{}, measure);
 }
 
-emu::CeruleanEcho cerulean_echo(const DeviceScene& scene, const emu::CeruleanShot& shot) {
+/// `to_starboard`: 1 where the head counts angles to starboard, -1 to port.
+emu::CeruleanEcho cerulean_echo(const DeviceScene& scene, const emu::CeruleanShot& shot,
+                                double to_starboard) {
   constexpr double kStep_rad = 0.02;
   constexpr int kPoints_each_side = 35;
   emu::CeruleanEcho echo;
   for (int i = -kPoints_each_side; i <= kPoints_each_side; ++i) {
-    // These heads count to port.
-    const double range = scene.range_m(shot.t_transmit_us, across(-i * kStep_rad), shot.end_m);
+    const double range =
+        scene.range_m(shot.t_transmit_us, across(to_starboard * i * kStep_rad), shot.end_m);
     if (range > 0.0) {
       echo.points.push_back({i * kStep_rad, 2.0 * range / scene.sound_speed_m_s, 25.0, 1});
     }
@@ -135,8 +137,11 @@ Device make_cerulean(std::size_t variant, const DeviceScene& scene) {
   emu::EmulatedCeruleanConfig config;
   config.model = static_cast<emu::CeruleanModel>(variant - 1);
   config.auto_end_m = 2.0 * scene.bottom_m;
+  // The makers' documents say so of the one, and draw the other.
+  const double sense = config.model == emu::CeruleanModel::kOmniscan3d ? 1.0 : -1.0;
   return std::make_unique<emu::EmulatedCerulean>(
-      config, [scene](const emu::CeruleanShot& shot) { return cerulean_echo(scene, shot); });
+      config,
+      [scene, sense](const emu::CeruleanShot& shot) { return cerulean_echo(scene, shot, sense); });
 }
 
 Device make_imagenex(std::size_t variant, const DeviceScene& scene) {

@@ -31,8 +31,8 @@ constexpr std::int32_t kSoundSpeed_mm_s = 1'500'000;
 constexpr std::int64_t kNearest_um = 500'000;
 // How long a device has for its first record: settings, a ping, its answer.
 constexpr base::TimeUs kTurn_us = 2'000'000;
-// Scanners turn to their start first.
-constexpr base::TimeUs kScannerTurn_us = 8'000'000;
+// Scanners find their zero first, and a profiler sends whole sweeps.
+constexpr base::TimeUs kScannerTurn_us = 15'000'000;
 
 struct Question {
   Driver driver;
@@ -75,7 +75,8 @@ std::vector<Driver> candidates(const ProbeOptions& options, const hal::UriSpec& 
   return found;
 }
 
-std::vector<Question> questions(const std::vector<Driver>& drivers, const hal::UriSpec& uri) {
+std::vector<Question> questions(const std::vector<Driver>& drivers, const hal::UriSpec& uri,
+                                const std::string& model) {
   const bool modbus =
       uri.scheme == hal::UriScheme::kModbusRtu || uri.scheme == hal::UriScheme::kModbusTcp;
   std::vector<Question> all;
@@ -91,7 +92,9 @@ std::vector<Question> questions(const std::vector<Driver>& drivers, const hal::U
     }
     // The first of a head's models is to listen, or to find out; both buses of a Keller are asked.
     for (std::size_t i = driver == Driver::kKeller ? 0 : 1; i < names.size(); ++i) {
-      all.push_back({driver, static_cast<std::int32_t>(i) + 1, name + " " + names[i]});
+      if (model.empty() || model == names[i]) {
+        all.push_back({driver, static_cast<std::int32_t>(i) + 1, name + " " + names[i]});
+      }
     }
   }
   return all;
@@ -136,12 +139,19 @@ class Probe {
                       std::chrono::system_clock::now().time_since_epoch())
                       .count()) {
     const std::vector<Driver> drivers = candidates(options, uri_);
-    questions_ = options.ask ? questions(drivers, uri_) : std::vector<Question>{};
+    questions_ = options.ask ? questions(drivers, uri_, options.model) : std::vector<Question>{};
     if (options.ask && questions_.empty()) {
-      usage_error("--ask: " + options.driver + " talks by itself");
+      usage_error("--ask: there is nobody to be asked" +
+                  (options.model.empty() ? ": " + options.driver + " talks by itself"
+                                         : " of model " + printable(options.model)));
     }
     for (const Driver driver : drivers) {
-      listeners_.push_back(std::make_unique<Decoder>(driver, printer(driver)));
+      listeners_.push_back(std::make_unique<Decoder>(driver, [this, driver](const auto& record) {
+        // Who is asked says it with the device's settings.
+        if (asked_ == nullptr || asked_->driver() != driver) {
+          print(driver, record);
+        }
+      }));
     }
     hal::PortResult made = hal::make_port(uri_, hal::FileUse::kRead);
     if (!made.port) {
@@ -168,7 +178,7 @@ class Probe {
     }
   }
 
-  /// False: nobody found a record.
+  /// False: nobody found an intact frame.
   [[nodiscard]] bool report() const {
     bool found = false;
     for (const auto& listener : listeners_) {
@@ -189,18 +199,16 @@ class Probe {
   [[nodiscard]] bool over() const { return StopSignals::stopped() || port_->at_end(); }
   [[nodiscard]] bool answered() const { return asked_ != nullptr && asked_->records() > 0; }
 
-  [[nodiscard]] Decoder::Out printer(Driver driver) const {
-    const std::string name = firmware::driver_name(driver);
-    return [json = options_.json, name](const ordered_json& record) {
-      if (!json) {
-        std::cout << name << ": " << record_text(record) << '\n';
-        return;
-      }
-      ordered_json line;
-      line["driver"] = name;
-      line.update(record);
-      std::cout << line.dump() << '\n';
-    };
+  void print(Driver driver, const ordered_json& record) const {
+    const char* const name = firmware::driver_name(driver);
+    if (!options_.json) {
+      std::cout << name << ": " << record_text(record) << '\n';
+      return;
+    }
+    ordered_json line;
+    line["driver"] = name;
+    line.update(record);
+    std::cout << line.dump() << '\n';
   }
 
   void ask(const Question& question) {
@@ -208,8 +216,9 @@ class Probe {
     config.variant_plus_1 = question.variant_plus_1;
     config.min_range_um = kNearest_um;
     config.max_range_um = static_cast<std::int64_t>(std::llround(options_.max_range_m * 1e6));
-    asked_ = std::make_unique<Decoder>(config, firmware::DeviceSetup{kSoundSpeed_mm_s},
-                                       printer(question.driver));
+    asked_ = std::make_unique<Decoder>(
+        config, firmware::DeviceSetup{kSoundSpeed_mm_s},
+        [this, driver = question.driver](const auto& record) { print(driver, record); });
     std::cerr << "probe: asking " << question.name << std::endl;
     const base::TimeUs until_us = now_us() + turn_us(question.driver);
     while (!over() && !answered() && now_us() < until_us) {
@@ -235,10 +244,7 @@ class Probe {
       return;
     }
     for (const auto& listener : listeners_) {
-      // Who is asked hears it with the device's settings.
-      if (asked_ == nullptr || asked_->driver() != listener->driver()) {
-        listener->feed(buffer_.data(), got, t_arrival_us);
-      }
+      listener->feed(buffer_.data(), got, t_arrival_us);
     }
     if (asked_ != nullptr) {
       asked_->feed(buffer_.data(), got, t_arrival_us);
@@ -262,7 +268,7 @@ class Probe {
     (void)poll(&wanted, wanted.fd >= 0 ? 1 : 0, kWait_ms);
   }
 
-  /// Nothing of those that found no frame.
+  /// False, and nothing said, of those that found no intact frame.
   [[nodiscard]] bool report_one(const Decoder& decoder) const {
     const ordered_json summary = decoder.summary(nullptr);
     if (summary["frames"] == 0 && decoder.records() == 0) {
@@ -276,7 +282,7 @@ class Probe {
                 << summary["rejected"].dump() << ", skipped " << summary["skipped_bytes"] << " of "
                 << summary["bytes"] << " bytes\n";
     }
-    return decoder.records() > 0;
+    return true;
   }
 
   const ProbeOptions& options_;

@@ -9,8 +9,8 @@ namespace leadline::host {
 struct ProbeOptions {
   std::string uri;
   std::string driver;  ///< this one only; "": every one that this build carries
-  bool ask =
-      false;  ///< also sends the requests of devices that wait for them, one driver after the other
+  std::string model;   ///< --ask: of variant_names() (firmware/config/port_section.hpp); "": each
+  bool ask = false;  ///< also sends the requests of devices that wait for them, one after the other
   double seconds = 10.0;      ///< of listening, after the asking; 0: until a signal comes
   double max_range_m = 20.0;  ///< asked of heads
   bool json = false;
@@ -22,7 +22,7 @@ struct ProbeOptions {
 /// Asking: each driver whose device waits for requests, each kind of device in turn, until one answers; that
 /// one goes on being asked. Other devices may take a foreign request amiss: nothing is sent without `ask`.
 ///
-/// Returns 0 when a driver found records. Throws HostError: kUsage (port, driver), kInput: nothing was
+/// Returns 0 when a driver found an intact frame. Throws HostError: kUsage (port, driver), kInput: nothing was
 /// recognised, or the port is not there.
 int run_probe(const ProbeOptions& options);
 
