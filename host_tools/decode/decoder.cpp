@@ -153,7 +153,8 @@ Driver driver_named(const std::string& name, const std::string& where) {
   for (const firmware::DriverInfo& info : firmware::kDrivers) {
     if (name == info.name) {
       if (firmware::device_codec(info.driver) == nullptr) {
-        throw HostError(ExitCode::kUsage, where + " " + name + ": this build does not carry it");
+        throw HostError(ExitCode::kUsage, std::string(where).append(" ").append(name).append(
+                                              ": this build does not carry it"));
       }
       return info.driver;
     }
