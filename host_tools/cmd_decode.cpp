@@ -3,33 +3,16 @@
 
 #include <CLI/CLI.hpp>
 
-#include "firmware/pipeline/drivers.hpp"
 #include "host_tools/commands.hpp"
 #include "host_tools/decode/decode.hpp"
+#include "host_tools/decode/decoder.hpp"
 
 namespace leadline::host {
-namespace {
-
-std::string driver_names() {
-  std::string names;
-  std::size_t line_size = 0;
-  for (const firmware::DriverInfo& info : firmware::kDrivers) {
-    const std::string name = info.name;
-    const bool wraps = line_size + name.size() > 68;
-    names += names.empty() ? "" : (wraps ? "\n" : " ");
-    line_size = wraps ? name.size() : line_size + name.size() + 1;
-    names += name;
-  }
-  return names;
-}
-
-}  // namespace
-
 void add_decode_command(CLI::App* app, CommandRun* run) {
   const auto options = std::make_shared<DecodeOptions>();
   CLI::App* const command =
       app->add_subcommand("decode", "Print what a recording of a device says");
-  command->add_option("--driver", options->driver, "What the device is:\n" + driver_names())
+  command->add_option("--driver", options->driver, "What the device is:\n" + driver_names_help())
       ->type_name("NAME")
       ->required();
   command

@@ -35,6 +35,7 @@ void add_receive_command(CLI::App* app, CommandRun* run);
 void add_replay_command(CLI::App* app, CommandRun* run);
 void add_export_command(CLI::App* app, CommandRun* run);
 void add_decode_command(CLI::App* app, CommandRun* run);
+void add_probe_command(CLI::App* app, CommandRun* run);
 void add_import_command(CLI::App* app, CommandRun* run);
 void add_survey_command(CLI::App* app, CommandRun* run);
 void add_crosslines_command(CLI::App* app, CommandRun* run);

@@ -72,6 +72,7 @@ int main(int argc, char** argv) {
   leadline::host::add_replay_command(&app, &run);
   leadline::host::add_export_command(&app, &run);
   leadline::host::add_decode_command(&app, &run);
+  leadline::host::add_probe_command(&app, &run);
   leadline::host::add_import_command(&app, &run);
   leadline::host::add_survey_command(&app, &run);
   leadline::host::add_crosslines_command(&app, &run);

@@ -69,6 +69,8 @@ constexpr DriverSet kHeads = all_heads();
 /// Heads that are asked for pings; the others talk by themselves.
 constexpr DriverSet kAsked =
     of(Driver::kPing1d, Driver::kPing360, Driver::kCerulean, Driver::kImagenex, Driver::kTritech);
+/// The same for all devices.
+constexpr DriverSet kSilent = kAsked | of(Driver::kKeller, Driver::kTrax);
 /// Heads that send intensities.
 constexpr DriverSet kProfiles = kAsked;
 constexpr DriverSet kScanners = of(Driver::kPing360, Driver::kImagenex, Driver::kTritech);
@@ -91,8 +93,7 @@ struct NumberKey {
 constexpr std::array<NumberKey, 15> kNumberKeys{{
     {"latency_ms", &PortConfig::latency_us, -1000, 10'000, 1e3, 0, kEvery},
     {"byte_time_ns", &PortConfig::byte_time_ns, 0, 100'000'000, 1, 0, kEvery},
-    {"interval_ms", &PortConfig::ping_interval_us, 0, 60'000, 1e3, 0,
-     kAsked | of(Driver::kKeller, Driver::kTrax)},
+    {"interval_ms", &PortConfig::ping_interval_us, 0, 60'000, 1e3, 0, kSilent},
     {"scan_first_grad", &PortConfig::scan_first_grad, 0, 399, 1, 0, kScanners},
     {"scan_last_grad", &PortConfig::scan_last_grad, 0, 399, 1, 0, kScanners},
     {"scan_step_grad", &PortConfig::scan_step_grad, 1, 10, 1, 0, kScanners},
@@ -341,6 +342,24 @@ void read_head(const TomlSection& section, const PortContext& context, PortConfi
 }
 
 }  // namespace
+
+PortConfig default_port(Driver driver, const hal::UriSpec& uri) {
+  PortConfig port{};
+  port.driver = driver;
+  set_port_defaults(uri, &port);
+  return port;
+}
+
+std::vector<std::string> variant_names(Driver driver) {
+  for (const VariantKey& each : kVariantKeys) {
+    if (each.driver == driver) {
+      return {each.names.begin(), each.names.begin() + variant_count(each)};
+    }
+  }
+  return {};
+}
+
+bool silent_unless_asked(Driver driver) { return contains(kSilent, driver); }
 
 std::vector<std::string> port_keys() {
   std::vector<std::string> keys;

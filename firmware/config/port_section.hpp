@@ -24,6 +24,12 @@ struct PortContext {
   const SonarRanges& ranges;  ///< default of a head's own
 };
 
+/// What a port is that says nothing but its driver and where; a head's ranges stay 0.
+[[nodiscard]] firmware::PortConfig default_port(firmware::Driver driver, const hal::UriSpec& uri);
+/// Names of PortConfig::variant_plus_1 = 1, 2, ..; none for drivers of one kind of device.
+[[nodiscard]] std::vector<std::string> variant_names(firmware::Driver driver);
+/// The device measures, or sends what it measured, only when asked.
+[[nodiscard]] bool silent_unless_asked(firmware::Driver driver);
 /// All keys of all drivers, for KnownTable.
 [[nodiscard]] std::vector<std::string> port_keys();
 /// Keys that the driver does not have are findings, too.

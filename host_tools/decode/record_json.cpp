@@ -162,6 +162,14 @@ NavKind kind_of(const NavSample& sample) {
   return NavKind::kOther;
 }
 
+/// Echo sounders on a ship's bus send "depth", and mean the water below their transducer: DBT, DPT,
+/// PGN 128267. An altimeter of a vehicle (PRVAT) knows its own depth as well.
+bool is_depth_of_water(const NavSample& sample, Driver driver) {
+  const bool bus = driver == Driver::kNmea || driver == Driver::kNmea2000;
+  return bus && kind_of(sample) == NavKind::kAltitude &&
+         (sample.fields & (base::kNavPressure | base::kNavDepth)) == 0;
+}
+
 enum class AngleKind : std::uint8_t { kTransducer, kTransducerFromAft, kFan };
 
 AngleKind angle_kind(Driver driver) {
@@ -219,14 +227,20 @@ std::string short_text(const ordered_json& value) {
 
 }  // namespace
 
-ordered_json sample_json(const NavSample& sample, std::optional<base::TimeUs> t_us) {
+ordered_json sample_json(const NavSample& sample, Driver driver, std::optional<base::TimeUs> t_us) {
   const NavKind about = kind_of(sample);
   const KindName& name = kKinds[static_cast<std::size_t>(about)];
   const std::uint32_t fields = sample.fields;
+  const bool sounder = is_depth_of_water(sample, driver);
   ordered_json json;
-  json["record"] = name.name;
+  json["record"] = sounder ? "depth" : name.name;
   json["t_us"] = time_json(t_us);
   json["valid"] = (fields & name.fields) != 0;
+  if (sounder) {
+    json["depth_below_transducer_m"] = (fields & base::kNavAltitude) != 0
+                                           ? ordered_json(scaled(sample.altitude_um, 1e6))
+                                           : ordered_json(nullptr);
+  }
   for (const NavColumn& column : kColumns) {
     if ((fields & column.fields) != 0) {
       json[column.key] = column.value(sample);

@@ -9,6 +9,9 @@
 // others   t_us, valid, then what such a record can hold, null where it is not known; and whatever else this
 //          one holds. `valid` is false where the record's own measure is not known.
 //
+// depth    of a pressure sensor or vehicle: depth_m, below the surface. Of an echo sounder on NMEA 0183 or NMEA
+//          2000 (DBT, DPT, 128267): depth_below_transducer_m and the same as altitude_m, no depth_m
+//
 // azimuth and elevation are in the mount's frame: azimuth from forward to the right, elevation positive down.
 // angle_deg is the device's own angle: of a scanning head the turn of its transducer, 0 .. 360, of a fan the
 // angle across the track from straight below, starboard positive.
@@ -28,6 +31,7 @@ namespace leadline::host {
 
 /// `t_us`: null where nobody knows it.
 [[nodiscard]] nlohmann::ordered_json sample_json(const base::NavSample& sample,
+                                                 firmware::Driver driver,
                                                  std::optional<base::TimeUs> t_us);
 
 /// Beams of one transmission, in their order; kRange and kNoReturn, at least one.

@@ -2,11 +2,14 @@
 """`leadline decode`: vectors of the device notes, what scripts rely on, and the real captures of the shared
 data (skipped where they are not there)."""
 
+import binascii
 import csv
 import json
 import math
 import os
 import pathlib
+import random
+import struct
 import subprocess
 import sys
 import unittest
@@ -88,6 +91,42 @@ class Decode(unittest.TestCase):
             self.assertIsNone(found[1][key])
         self.assertEqual(summary["frames"], 2)
 
+    def test_depth_below_the_transducer_is_not_depth(self):
+        # An echo sounder's, then that of an altimeter which knows the vehicle's depth as well.
+        found, _ = records("nmea", "-", b"$SDDBT,,f,12.50,M,,F*00\r\n$SDDPT,3.6,0.0*52\r\n"
+                                        b"$PRVAT,01.000,M,0010.022,dBar*39\r\n")
+        self.assertEqual([record["record"] for record in found], ["depth", "depth", "altitude"])
+        self.assertEqual([record.get("depth_below_transducer_m") for record in found], [12.5, 3.6, None])
+        self.assertEqual([record["altitude_m"] for record in found], [12.5, 3.6, 1.0])
+        self.assertFalse(any("depth_m" in record for record in found))
+        self.assertEqual(found[2]["pressure_pa"], 100220)
+
+    def test_trax_data(self):
+        def frame(frame_id, payload):
+            body = struct.pack(">HB", len(payload) + 5, frame_id) + payload
+            return body + struct.pack(">H", binascii.crc_hqx(body, 0))
+        # GetData is known (PNI's manual); its answer is heading, pitch, roll.
+        self.assertEqual(frame(4, b"").hex(), "000504bf71")
+        answer = frame(5, b"\x03" + b"".join(
+            struct.pack(">Bf", component, value)
+            for component, value in ((5, 271.25), (24, -1.5), (25, 12.75))))
+        found, summary = records("trax", "-", answer + answer[:9] + answer)
+        self.assertEqual(len(found), 2)
+        for record in found:
+            self.assertEqual((record["record"], record["heading_north"]), ("attitude", "magnetic"))
+            for key, value in (("heading_deg", 271.25), ("pitch_deg", -1.5), ("roll_deg", 12.75)):
+                self.assertAlmostEqual(record[key], value, delta=1e-5)
+        self.assertEqual(summary["skipped_bytes"], 9)
+
+    def test_every_driver_reads_noise_and_finds_nothing(self):
+        noise = random.Random(4).randbytes(20000)
+        for driver in ("ping1d", "ping360", "cerulean", "deltat83p", "tritech", "r2sonic", "kongsberg",
+                       "wl3d", "nmea", "tss1", "vectornav", "xsens", "trax", "wldvl", "pd0", "keller",
+                       "nmea2000", "mavlink", "imagenex"):
+            with self.subTest(driver):
+                found, summary = records(driver, "-", noise)
+                self.assertEqual((found, summary["driver"]), ([], driver))
+
     def test_text_is_a_line_a_record(self):
         done = run("--driver", "ping1d", "-", stdin=PING1D)
         lines = done.stdout.decode().splitlines()
@@ -123,7 +162,7 @@ class RealCaptures(unittest.TestCase):
         columns = {"attitude": ("attitude", {"v1": "yaw_deg", "v2": "pitch_deg", "v3": "roll_deg"}),
                    "heading": ("heading", {"v1": "heading_deg"}),
                    "rot": ("rates", {"v1": "yaw_rate_deg_s"}),
-                   "depth": ("altitude", {"v1": "altitude_m"})}
+                   "depth": ("depth", {"v1": "depth_below_transducer_m"})}
         for kind, (record, keys) in columns.items():
             expected = [row for row in table if row["kind"] == kind]
             got = of_kind(found, record)
@@ -180,6 +219,22 @@ class RealCaptures(unittest.TestCase):
             "r2sonic", data("multibeam_r2sonic2026_sfbay/raw/first550pings.xtf"))
         self.assertEqual((len(found), summary["rejected"]), (550, {}))
         self.assertTrue(all(200 < len(record["range_mm"]) <= 256 for record in found))
+
+    def test_multibeam_of_kongsberg(self):
+        name = "all_a_y_m1333931979274893952"
+        found, summary = records("kongsberg", data(f"multibeam_kongsberg_snippets/raw/{name}.all"))
+        self.assertEqual(summary["rejected"], {})
+        table = rows(f"multibeam_kongsberg_snippets/derived/{name}_beams.csv")
+        # Bit 7 of the detection: nothing was found, the time is a guess.
+        expected = [row for row in table if int(row["detection_info"]) < 128]
+        pings = of_kind(found, "ping")
+        beams = [(ping["sound_speed_m_s"], range_mm) for ping in pings for range_mm in ping["range_mm"]]
+        self.assertEqual(len(beams), len(expected))
+        for row, (speed_m_s, range_mm) in zip(expected, beams):
+            self.assertAlmostEqual(float(row["sound_speed_mps"]), speed_m_s, delta=0.06)
+            self.assertAlmostEqual(float(row["twtt_s"]) * speed_m_s * 500, range_mm, delta=1)
+        self.assertEqual(len(of_kind(found, "attitude")), 101)
+        self.assertTrue(all(record["valid"] for record in of_kind(found, "position")))
 
 
 if __name__ == "__main__":
