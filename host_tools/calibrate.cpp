@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 // As in estimator/filter_access.hpp: one program, one Eigen.
 #define EIGEN_DONT_VECTORIZE
@@ -20,6 +21,8 @@ constexpr std::size_t kCount = kAlignmentParameters;
 constexpr double kHuber = 2.5;      // robust sigmas
 constexpr double kLeftOut = 10.0;   // robust sigmas
 constexpr double kSlopeCounts = 4;  // sigmas
+constexpr double kGroundCells = 5;  // edge of a piece of ground, in cells
+constexpr unsigned kPatience = 12;
 constexpr unsigned kMaxSteps = 40;
 
 using Plane = Eigen::Vector3d;
@@ -189,6 +192,19 @@ class Scores {
   std::vector<bool> used_;
 };
 
+/// Number of the piece of ground, below the number of cells, that each cell lies in.
+std::vector<std::size_t> grounds_of(const Patches& patches, double cell_m) {
+  std::map<std::pair<double, double>, std::size_t> numbers;
+  std::vector<std::size_t> grounds;
+  for (const Cell& cell : patches.cells) {
+    const double edge_m = kGroundCells * cell_m;
+    const std::pair<double, double> key = {std::floor(cell.north_m / edge_m),
+                                           std::floor(cell.east_m / edge_m)};
+    grounds.push_back(numbers.emplace(key, numbers.size()).first->second);
+  }
+  return grounds;
+}
+
 std::string short_number(double value) {
   std::string text;
   append_fixed(&text, value, std::fabs(value) < 1 ? 3 : 1);
@@ -221,8 +237,14 @@ class Fit {
       if (largest < 0.05) {
         return;
       }
-      if (++steps_ > kMaxSteps || !walk(step, largest)) {
-        if (largest < 0.5) {
+      // Soundings that go to and fro between cells can keep it from settling: near enough is said in the sigmas.
+      if (++steps_ > kPatience && largest < 1.0) {
+        covariance_.diagonal() += step.cwiseAbs2();
+        return;
+      }
+      if (steps_ > kMaxSteps || !walk(step, largest)) {
+        if (largest < 1.0) {
+          covariance_.diagonal() += step.cwiseAbs2();
           return;
         }
         throw HostError(ExitCode::kInput, "the soundings lead to no alignment: after " +
@@ -238,14 +260,43 @@ class Fit {
     return std::sqrt(covariance_(row(p), row(p)));
   }
   [[nodiscard]] std::string why_not(std::size_t p) const;
+  /// Largest correlation of a parameter with one of the boresight's, absolute.
+  [[nodiscard]] double boresight_correlation(std::size_t p) const {
+    double largest = 0;
+    for (std::size_t q = 0; q <= static_cast<std::size_t>(AlignmentParameter::kHeading); ++q) {
+      const double both = covariance_(row(p), row(q)) / (sigma_of(p) * sigma_of(q));
+      largest = free_[q] ? std::max(largest, std::fabs(both)) : largest;
+    }
+    return largest;
+  }
 
   void summarize(Calibration* result) const {
     result->cells = patches_.cells.size();
+    result->shared_cells = shared_cells();
     result->soundings = patches_.order.size();
     result->steps = steps_;
     result->spread_before_m = spread_before_m_;
     result->spread_after_m = sigma_m_;
   }
+
+  /// Cells of more than one pass. Of the last linearization.
+  [[nodiscard]] std::size_t shared_cells() const {
+    const std::vector<std::uint32_t>& passes = source_.passes();
+    std::size_t shared = 0;
+    for (const Cell& cell : patches_.cells) {
+      const auto begin = patches_.order.begin();
+      shared += std::any_of(begin + static_cast<std::ptrdiff_t>(cell.begin),
+                            begin + static_cast<std::ptrdiff_t>(cell.end),
+                            [&](std::uint32_t i) {
+                              return passes[i] != passes[patches_.order[cell.begin]];
+                            })
+                    ? 1
+                    : 0;
+    }
+    return shared;
+  }
+  /// Places and sorts the soundings as given.
+  void prepare() { linearize(); }
 
  private:
   static Eigen::Index row(std::size_t p) { return static_cast<Eigen::Index>(p); }
@@ -289,7 +340,8 @@ class Fit {
   /// Normal equations, gradient and covariance of the parameters from all cells.
   void add_up(const std::vector<std::vector<Sounding>>& moved) {
     const std::vector<std::uint32_t>& blocks = source_.blocks();
-    Scores by_cell(patches_.cells.size());
+    const std::vector<std::size_t> grounds = grounds_of(patches_, settings_.cell_m);
+    Scores by_ground(patches_.cells.size());
     Scores by_block(static_cast<std::size_t>(blocks.back()) + 1);
     information_ = Matrix::Zero();
     gradient_ = Vector::Zero();
@@ -305,7 +357,7 @@ class Fit {
         const Vector score = (weights_[i] * residuals_[k]) * j;
         information_ += weights_[i] * j * j.transpose();
         gradient_ -= score;
-        by_cell.add(c, score);
+        by_ground.add(grounds[c], score);
         by_block.add(blocks[i], score);
         squares += weights_[i] * residuals_[k] * residuals_[k];
         count += weights_[i] > 0 ? 1 : 0;
@@ -326,10 +378,10 @@ class Fit {
     const Matrix inverse = normal_.inverse();
     const Matrix held = variance * Matrix(prior.asDiagonal());
     const Matrix independent = variance * inverse;
-    const Matrix of_cells = inverse * (inflate * by_cell.scatter() + held) * inverse;
+    const Matrix of_grounds = inverse * (inflate * by_ground.scatter() + held) * inverse;
     const Matrix of_blocks = inverse * (inflate * by_block.scatter() + held) * inverse;
     const Vector wanted =
-        independent.diagonal().cwiseMax(of_cells.diagonal()).cwiseMax(of_blocks.diagonal());
+        independent.diagonal().cwiseMax(of_grounds.diagonal()).cwiseMax(of_blocks.diagonal());
     const Vector widen = wanted.cwiseQuotient(independent.diagonal()).cwiseSqrt();
     covariance_ = widen.asDiagonal() * independent * widen.asDiagonal();
     // Known alone, were everything else known.
@@ -446,9 +498,20 @@ std::string Fit::why_not(std::size_t p) const {
          short_number(sigma_of(p)) + unit + ", wanted " + short_number(traits.limit) + unit + ")";
 }
 
+bool is_boresight(std::size_t p) {
+  return p <= static_cast<std::size_t>(AlignmentParameter::kHeading);
+}
+
 bool is_lever_arm(std::size_t p) {
   return p == static_cast<std::size_t>(AlignmentParameter::kForward) ||
          p == static_cast<std::size_t>(AlignmentParameter::kStarboard);
+}
+
+std::size_t count_shared_cells(const AlignedSoundings& source, const CalibrationSettings& settings,
+                               SignFlip flip) {
+  Fit as_given(source, settings, flip, AlignmentChoice{});
+  as_given.prepare();
+  return as_given.shared_cells();
 }
 
 }  // namespace
@@ -458,6 +521,15 @@ Calibration calibrate(const AlignedSoundings& source, const CalibrationSettings&
   Calibration result;
   AlignmentChoice free = settings.fit;
   double before_m = 0;
+  const std::size_t shared = count_shared_cells(source, settings, flip);
+  for (std::size_t p = 0; p < kCount; ++p) {
+    if (free[p] && is_boresight(p) && shared < kMinCalibrationCells) {
+      free[p] = false;
+      result.parameters[p].why_not = "only " + std::to_string(shared) +
+                                     " cells were covered by two passes (wanted " +
+                                     std::to_string(kMinCalibrationCells) + ")";
+    }
+  }
   for (bool again = true; again;) {
     again = false;
     Fit fit(source, settings, flip, free);
@@ -472,7 +544,9 @@ Calibration calibrate(const AlignedSoundings& source, const CalibrationSettings&
       }
       parameter.value = fit.alignment()[p];
       parameter.sigma = fit.sigma_of(p);
-      parameter.observable = parameter.sigma <= kAlignmentTraits[p].limit;
+      parameter.observable =
+          parameter.sigma <= kAlignmentTraits[p].limit &&
+          !(is_lever_arm(p) && fit.boresight_correlation(p) > kLeverArmCorrelation);
       parameter.why_not = parameter.observable ? "" : fit.why_not(p);
       if (!parameter.observable && is_lever_arm(p)) {
         free[p] = false;

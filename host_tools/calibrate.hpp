@@ -13,14 +13,21 @@
 // larger than 4 times its own sigma.
 //
 // Sigmas are not those of independent soundings: the terrain is not plane in a cell, and attitude errors
-// last for seconds. The sums over cells, and over blocks of time, are taken as independent, whichever
-// says more (sandwich estimate); with them the numbers held in simulated surveys (tests).
+// last for seconds. The sums over pieces of ground (5 cells wide), and over blocks of time, are taken as
+// independent, whichever says more (sandwich estimate); with them the numbers held in simulated surveys (tests).
+//
+// A single line shows the boresight only in the second order (what a head that is turned does while the vehicle
+// swings), where anything else that is slightly wrong shows, too: such angles fit well and are wrong. So
+// they are looked for only where two passes cover the same ground; latency and lever arm, which the
+// vehicle's motion shows, are looked for in any case.
 //
 // What cannot be seen gets no number. A prior sigma (kAlignmentTraits) keeps the equations solvable; a
 // parameter whose sigma stays above `limit` is refused, with the reason: either the soundings hardly
 // depend on it, or not otherwise than on another one. A refused angle or latency stays free in the
 // equations, so that the sigmas of the others include it; a refused lever arm is held as given and the
-// rest is fitted anew, as in every patch test: pitch is known as well as that lever arm is.
+// rest is fitted anew, as in every patch test: pitch is known as well as that lever arm is. The same is done
+// to a lever arm that goes with an angle by more than kLeverArmCorrelation, however small its sigma: at
+// one altitude pitch and forward shift soundings alike, and what would tell them apart is of second order.
 #pragma once
 
 #include <array>
@@ -65,6 +72,8 @@ inline constexpr std::array<AlignmentTraits, kAlignmentParameters> kAlignmentTra
      {"starboard", "m", 0.02, 0.25, 3.0, 10.0},
      {"position_latency", "ms", 10.0, 100.0, 1000.0, 3000.0}}};
 
+inline constexpr double kLeverArmCorrelation = 0.95;
+
 /// A sign turned round before everything else.
 enum class SignFlip : std::uint8_t { kNone, kRoll, kPitch };
 
@@ -78,11 +87,14 @@ class AlignedSoundings {
 
   /// Number of the block of time (kBlock_us of one line) of each sounding, ascending from 0.
   [[nodiscard]] virtual const std::vector<std::uint32_t>& blocks() const = 0;
+  /// Number of the pass of each sounding, ascending: another line, or kPassTurn_deg off its course at first.
+  [[nodiscard]] virtual const std::vector<std::uint32_t>& passes() const = 0;
   /// As many soundings as blocks() has; one that has no place has NaN for its depth.
   virtual void place(const Alignment& alignment, SignFlip flip,
                      std::vector<Sounding>* soundings) const = 0;
 };
 inline constexpr std::int64_t kBlock_us = 2'000'000;
+inline constexpr double kPassTurn_deg = 45.0;
 
 struct CalibrationSettings {
   AlignmentChoice fit = {true, true, true, true, true, true, false};
@@ -102,12 +114,13 @@ struct Calibration {
   std::array<CalibratedParameter, kAlignmentParameters> parameters;
   std::size_t soundings = 0;  ///< in cells that have enough
   std::size_t cells = 0;
-  unsigned steps = 0;          ///< of Gauss-Newton, of the last fit
-  double spread_before_m = 0;  ///< robust sigma about the planes, as given
-  double spread_after_m = 0;   ///< of the solution, refused parameters as they came out
+  std::size_t shared_cells = 0;  ///< of these, those that two passes or more have seen
+  unsigned steps = 0;            ///< of Gauss-Newton, of the last fit
+  double spread_before_m = 0;    ///< robust sigma about the planes, as given
+  double spread_after_m = 0;     ///< of the solution, refused parameters as they came out
 };
 
-/// Fewest cells with enough soundings.
+/// Fewest cells with enough soundings; and fewest shared ones for the boresight.
 inline constexpr std::size_t kMinCalibrationCells = 20;
 
 /// Throws HostError kInput: too few cells; no convergence or a solution beyond `farthest` (with the numbers).

@@ -131,7 +131,9 @@ void check_signs_of(const AlignedSoundings& source, const CalibrationSettings& s
 
 void print_text(const Calibration& result, const Alignment& given) {
   std::cout << "soundings      " << result.soundings << " in " << result.cells
-            << " cells\nspread         " << fixed_text(100.0 * result.spread_before_m, 2)
+            << " cells, of which " << result.shared_cells
+            << " of two passes or more\nspread         "
+            << fixed_text(100.0 * result.spread_before_m, 2)
             << " cm about the cells' planes as given, "
             << fixed_text(100.0 * result.spread_after_m, 2) << " cm with what was found\n";
   Alignment total = given;
@@ -163,6 +165,7 @@ void print_text(const Calibration& result, const Alignment& given) {
 
 void print_json(const Calibration& result, const Alignment& given) {
   std::cout << "{\n  \"soundings\": " << result.soundings << ",\n  \"cells\": " << result.cells
+            << ",\n  \"shared_cells\": " << result.shared_cells
             << ",\n  \"steps\": " << result.steps
             << ",\n  \"spread_before_m\": " << json_number(result.spread_before_m)
             << ",\n  \"spread_after_m\": " << json_number(result.spread_after_m)

@@ -17,17 +17,19 @@ double signed_degrees(base::Bam32 angle) {
 /// From a to b the short way, degrees.
 double turn_deg(double a, double b) { return std::remainder(b - a, 360.0); }
 
-/// Appends the block of an instant. A new line and a new stretch of kBlock_us open a new one.
-void push_block(std::vector<std::uint32_t>* blocks, bool new_line, std::int64_t t_us,
-                std::int64_t* stretch) {
-  const std::int64_t now = t_us / kBlock_us;
-  const std::uint32_t last = blocks->empty() ? 0 : blocks->back();
-  const bool opens = !blocks->empty() && (new_line || now != *stretch);
-  blocks->push_back(opens ? last + 1 : last);
-  *stretch = now;
-}
-
 }  // namespace
+
+void SoundingGroups::add(bool new_line, std::int64_t t_us, double heading_deg) {
+  const std::int64_t stretch = t_us / kBlock_us;
+  const bool first = blocks_.empty();
+  const bool new_pass = new_line || std::fabs(turn_deg(course_deg_, heading_deg)) > kPassTurn_deg;
+  const std::uint32_t block = first ? 0 : blocks_.back();
+  const std::uint32_t pass = first ? 0 : passes_.back();
+  blocks_.push_back(!first && (new_pass || stretch != stretch_) ? block + 1 : block);
+  passes_.push_back(!first && new_pass ? pass + 1 : pass);
+  course_deg_ = first || new_pass ? heading_deg : course_deg_;
+  stretch_ = stretch;
+}
 
 PingSoundings::Stand PingSoundings::stand_of(const PingRow& row) {
   return {row.t_us,
@@ -58,10 +60,17 @@ RecordedSoundings::RecordedSoundings(const std::vector<SurveyLine>& lines,
                                      const estimator::LocalPlane& plane,
                                      const SurveyGeometry& geometry)
     : lines_(lines), plane_(plane), geometry_(geometry) {
-  std::int64_t stretch = 0;
   for (const SurveyLine& line : lines) {
+    std::size_t now = 0;
     for (std::size_t i = 0; i < line.beams.size(); ++i) {
-      push_block(&blocks_, i == 0, line.beams[i].t_transmit_us, &stretch);
+      const std::int64_t t_us = line.beams[i].t_transmit_us;
+      while (now + 1 < line.attitudes.size() && line.attitudes[now + 1].t_us <= t_us) {
+        ++now;
+      }
+      groups_.add(i == 0, t_us,
+                  line.attitudes.empty()
+                      ? 0.0
+                      : signed_degrees(line.attitudes[now].attitude.heading_bam32));
     }
   }
 }
@@ -69,7 +78,7 @@ RecordedSoundings::RecordedSoundings(const std::vector<SurveyLine>& lines,
 void RecordedSoundings::place(const Alignment& alignment, SignFlip flip,
                               std::vector<Sounding>* soundings) const {
   const SurveyGeometry geometry = aligned(geometry_, alignment, flip);
-  soundings->assign(blocks_.size(), {kNoValue, kNoValue, kNoValue});
+  soundings->assign(blocks().size(), {kNoValue, kNoValue, kNoValue});
   std::size_t first = 0;
   for (const SurveyLine& line : lines_) {
     std::vector<SurveyRow> rows;
@@ -86,7 +95,6 @@ void PingSoundings::add_line(const std::vector<PingRow>& rows) {
   stands_.emplace_back();
   std::vector<Stand>& stands = stands_.back();
   const double least_down = std::cos(geometry_.max_angle_deg * exact::kRadPerDeg);
-  std::int64_t stretch = 0;
   bool new_line = true;
   for (const PingRow& row : rows) {
     const Stand stand = stand_of(row);
@@ -100,7 +108,7 @@ void PingSoundings::add_line(const std::vector<PingRow>& rows) {
     }
     beams_.push_back({stand, direction, 1e-6 * static_cast<double>(row.range_um),
                       stands_.size() - 1, stands.size() - 1});
-    push_block(&blocks_, new_line, row.t_us, &stretch);
+    groups_.add(new_line, row.t_us, stand.attitude.heading_deg);
     new_line = false;
   }
 }

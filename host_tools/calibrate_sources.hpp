@@ -14,12 +14,32 @@ namespace leadline::host {
 [[nodiscard]] SurveyGeometry aligned(const SurveyGeometry& geometry, const Alignment& alignment,
                                      SignFlip flip);
 
+/// Numbers passes and blocks of time of soundings, which come in their order.
+class SoundingGroups {
+ public:
+  /// `new_line`: the first one of a line.
+  void add(bool new_line, std::int64_t t_us, double heading_deg);
+  [[nodiscard]] const std::vector<std::uint32_t>& blocks() const { return blocks_; }
+  [[nodiscard]] const std::vector<std::uint32_t>& passes() const { return passes_; }
+
+ private:
+  std::vector<std::uint32_t> blocks_;
+  std::vector<std::uint32_t> passes_;
+  std::int64_t stretch_ = 0;  // of the last one
+  double course_deg_ = 0;     // of its pass, at first
+};
+
 /// Lines as read by read_survey_line(). What it is given must outlive it. place() costs one build_rows().
 class RecordedSoundings : public AlignedSoundings {
  public:
   RecordedSoundings(const std::vector<SurveyLine>& lines, const estimator::LocalPlane& plane,
                     const SurveyGeometry& geometry);
-  [[nodiscard]] const std::vector<std::uint32_t>& blocks() const override { return blocks_; }
+  [[nodiscard]] const std::vector<std::uint32_t>& blocks() const override {
+    return groups_.blocks();
+  }
+  [[nodiscard]] const std::vector<std::uint32_t>& passes() const override {
+    return groups_.passes();
+  }
   void place(const Alignment& alignment, SignFlip flip,
              std::vector<Sounding>* soundings) const override;
 
@@ -27,7 +47,7 @@ class RecordedSoundings : public AlignedSoundings {
   const std::vector<SurveyLine>& lines_;
   const estimator::LocalPlane& plane_;
   const SurveyGeometry& geometry_;
-  std::vector<std::uint32_t> blocks_;
+  SoundingGroups groups_;
 };
 
 /// Pings as `leadline map` reads them: each row's pose is that of the head's mount at the row's time, so
@@ -42,7 +62,12 @@ class PingSoundings : public AlignedSoundings {
   explicit PingSoundings(const SurveyGeometry& geometry) : geometry_(geometry) {}
   /// One line; rows in order of time.
   void add_line(const std::vector<PingRow>& rows);
-  [[nodiscard]] const std::vector<std::uint32_t>& blocks() const override { return blocks_; }
+  [[nodiscard]] const std::vector<std::uint32_t>& blocks() const override {
+    return groups_.blocks();
+  }
+  [[nodiscard]] const std::vector<std::uint32_t>& passes() const override {
+    return groups_.passes();
+  }
   void place(const Alignment& alignment, SignFlip flip,
              std::vector<Sounding>* soundings) const override;
 
@@ -67,7 +92,7 @@ class PingSoundings : public AlignedSoundings {
   SurveyGeometry geometry_;
   std::vector<std::vector<Stand>> stands_;  // of each line, one an instant
   std::vector<Beam> beams_;
-  std::vector<std::uint32_t> blocks_;
+  SoundingGroups groups_;
 };
 
 }  // namespace leadline::host

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -75,7 +76,9 @@ Terrain hills(std::uint64_t seed) {
   return leadline::host::make_procedural_terrain(options);
 }
 
-Terrain level() { return Terrain(96, 96, 0.5, 0.0, 0.0, std::vector<double>(96 * 96, 15.0)); }
+Terrain level() {
+  return Terrain(96, 96, 0.5, 0.0, 0.0, std::vector<double>(std::size_t{96} * 96, 15.0));
+}
 
 leadline::base::Bam32 bam(double degrees) {
   return static_cast<leadline::base::Bam32>(
@@ -115,9 +118,8 @@ std::vector<PingRow> reported(const Survey& survey, const Alignment& truth) {
     };
     PingRow row{};
     row.t_us = ping.time_us;
-    const Vec3 taken =
-        ping.position_m -
-        world_from_vehicle(ping.attitude, {truth[kForward], truth[kStarboard], 0.0});
+    const Vec3 taken = ping.position_m -
+                       world_from_vehicle(ping.attitude, {truth[kForward], truth[kStarboard], 0.0});
     row.position_um[0] = std::llround(1e6 * taken.x);
     row.position_um[1] = std::llround(1e6 * taken.y);
     row.position_um[2] = std::llround(1e6 * taken.z);
@@ -159,6 +161,7 @@ TEST(misalignments_come_out_within_their_sigmas) {
   double squares[kAlignmentParameters] = {};
   unsigned counts[kAlignmentParameters] = {};
   unsigned within_one[kAlignmentParameters] = {};
+  double worst[kAlignmentParameters] = {};
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const Alignment truth = random_truth(seed);
     const Calibration result =
@@ -176,6 +179,7 @@ TEST(misalignments_come_out_within_their_sigmas) {
       }
       squares[p] += off * off;
       counts[p] += 1;
+      worst[p] = std::max(worst[p], std::fabs(off));
       within_one[p] += std::fabs(off) <= 1.0 ? 1 : 0;
     }
   }
@@ -184,4 +188,98 @@ TEST(misalignments_come_out_within_their_sigmas) {
                 kAlignmentTraits[p].name, counts[p], static_cast<unsigned>(kSeeds),
                 counts[p] == 0 ? 0.0 : std::sqrt(squares[p] / counts[p]), within_one[p]);
   }
+  // Boresight, latency and starboard each time, errors as the sigmas say; forward goes with pitch.
+  for (const std::size_t p : {kRoll, kPitch, kHeading, kLatency, kStarboard}) {
+    assert_int_equal(counts[p], kSeeds);
+    assert_true(std::sqrt(squares[p] / counts[p]) < 1.5);
+    assert_true(worst[p] < 4.0);
+    assert_true(2 * within_one[p] >= kSeeds);
+  }
+}
+
+TEST(what_a_level_bottom_does_not_show_gets_no_number) {
+  Alignment truth{};
+  truth[kRoll] = 1.5;
+  truth[kHeading] = 2.0;
+  const Calibration result = calibrated(reported(simulate(level(), scene_of(3)), truth), {});
+  if (std::getenv("LEADLINE_SHOW") != nullptr) {
+    for (std::size_t p = 0; p < kAlignmentParameters; ++p) {
+      const CalibratedParameter& found = result.parameters[p];
+      std::printf("%s %d %.4f +- %.4f %s\n", kAlignmentTraits[p].name, found.observable ? 1 : 0,
+                  found.value, found.sigma, found.why_not.c_str());
+    }
+  }
+  assert_true(result.parameters[kRoll].observable);
+  assert_true(std::fabs(result.parameters[kRoll].value - 1.5) <
+              4.0 * result.parameters[kRoll].sigma);
+  assert_false(result.parameters[kHeading].observable);
+  assert_true(result.parameters[kHeading].why_not.find("hardly depend") != std::string::npos);
+}
+
+TEST(a_single_line_shows_no_boresight) {
+  Scene scene = scene_of(4);
+  scene.survey.line_spacing_m = 48.0;
+  scene.survey.beam_count = 61;
+  const Calibration result = calibrated(reported(simulate(hills(4), scene), Alignment{}), {});
+  assert_int_equal(result.shared_cells, 0);
+  for (const std::size_t p : {kRoll, kPitch, kHeading}) {
+    assert_false(result.parameters[p].observable);
+    assert_true(result.parameters[p].why_not.find("two passes") != std::string::npos);
+  }
+}
+
+TEST(a_wrong_sign_ends_the_command) {
+  std::vector<PingRow> rows = reported(simulate(hills(5), scene_of(5)), Alignment{});
+  std::string text =
+      "time_us,x_m,y_m,z_m,roll_deg,pitch_deg,heading_deg,beam_az_deg,beam_el_deg,range_m\n";
+  const auto degrees = [](leadline::base::Bam32 angle) {
+    return 360.0 / 4294967296.0 * static_cast<double>(static_cast<std::int32_t>(angle));
+  };
+  for (const PingRow& row : rows) {
+    char line[256];
+    std::snprintf(line, sizeof line, "%lld,%.4f,%.4f,%.4f,%.5f,%.5f,%.5f,%.5f,%.5f,%.4f\n",
+                  static_cast<long long>(row.t_us), 1e-6 * static_cast<double>(row.position_um[0]),
+                  1e-6 * static_cast<double>(row.position_um[1]),
+                  1e-6 * static_cast<double>(row.position_um[2]), degrees(row.attitude.roll_bam32),
+                  degrees(row.attitude.pitch_bam32), degrees(row.attitude.heading_bam32),
+                  degrees(row.azimuth_bam32), degrees(row.elevation_bam32),
+                  1e-6 * static_cast<double>(row.range_um));
+    text += line;
+  }
+  leadline::host::CalibrateOptions options;
+  options.survey.paths = {leadline::test::scratch_directory() + "/pings.csv"};
+  leadline::host::write_file_whole(options.survey.paths.front(), text);
+  assert_int_equal(leadline::host::run_calibrate(options), 0);
+  options.json = true;
+  options.survey.geometry.roll_sign = -1;
+  std::string message;
+  try {
+    (void)leadline::host::run_calibrate(options);
+  } catch (const HostError& error) {
+    message = error.what();
+  }
+  if (message.find("with roll flipped") == std::string::npos) {
+    fail_msg("\"%s\" does not say that roll is wrong", message.c_str());
+  }
+  options.survey.paths.emplace_back("line.xtf");
+  assert_true(leadline::host::ExitCode::kUsage == [&] {
+    try {
+      (void)leadline::host::run_calibrate(options);
+    } catch (const HostError& error) {
+      return error.code();
+    }
+    return leadline::host::ExitCode::kOk;
+  }());
+}
+
+TEST(too_few_soundings_are_said) {
+  std::vector<PingRow> rows = reported(simulate(level(), scene_of(6)), Alignment{});
+  rows.resize(200);
+  std::string message;
+  try {
+    (void)calibrated(rows, {});
+  } catch (const HostError& error) {
+    message = error.what();
+  }
+  assert_true(message.find("at least 20") != std::string::npos);
 }
