@@ -230,26 +230,26 @@ class Fit {
       }
       const Vector step = normal_.ldlt().solve(gradient_);
       double largest = 0;
+      double seen = 0;  // of what can be observed: the rest may go where it likes
       for (std::size_t p = 0; p < kCount; ++p) {
-        largest =
-            std::max(largest, std::fabs(step[row(p)]) / std::sqrt(covariance_(row(p), row(p))));
+        const double moves = std::fabs(step[row(p)]) / sigma_of(p);
+        largest = std::max(largest, moves);
+        seen = sigma_of(p) <= kAlignmentTraits[p].limit ? std::max(seen, moves) : seen;
       }
       if (largest < 0.05) {
         return;
       }
       // Soundings that go to and fro between cells can keep it from settling: near enough is said in the sigmas.
-      if (++steps_ > kPatience && largest < 1.0) {
-        covariance_.diagonal() += step.cwiseAbs2();
-        return;
-      }
-      if (steps_ > kMaxSteps || !walk(step, largest)) {
-        if (largest < 1.0) {
+      steps_ += 1;
+      const bool tired = steps_ > kPatience && seen < 1.0;
+      if (tired || steps_ > kMaxSteps || !walk(step, largest)) {
+        if (seen < 1.0) {
           covariance_.diagonal() += step.cwiseAbs2();
           return;
         }
         throw HostError(ExitCode::kInput, "the soundings lead to no alignment: after " +
                                               std::to_string(steps_) + " steps it still moves by " +
-                                              short_number(largest) + " sigma");
+                                              short_number(seen) + " sigma");
       }
       check_far();
     }
@@ -380,8 +380,11 @@ class Fit {
     const Matrix independent = variance * inverse;
     const Matrix of_grounds = inverse * (inflate * by_ground.scatter() + held) * inverse;
     const Matrix of_blocks = inverse * (inflate * by_block.scatter() + held) * inverse;
-    const Vector wanted =
-        independent.diagonal().cwiseMax(of_grounds.diagonal()).cwiseMax(of_blocks.diagonal());
+    // Errors that go with the ground and errors that go with time add up; what is neither is in both sums.
+    const Vector both = of_grounds.diagonal() + of_blocks.diagonal() - independent.diagonal();
+    const Vector wanted = both.cwiseMax(independent.diagonal())
+                              .cwiseMax(of_grounds.diagonal())
+                              .cwiseMax(of_blocks.diagonal());
     const Vector widen = wanted.cwiseQuotient(independent.diagonal()).cwiseSqrt();
     covariance_ = widen.asDiagonal() * independent * widen.asDiagonal();
     // Known alone, were everything else known.

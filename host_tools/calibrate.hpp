@@ -13,8 +13,8 @@
 // larger than 4 times its own sigma.
 //
 // Sigmas are not those of independent soundings: the terrain is not plane in a cell, and attitude errors
-// last for seconds. The sums over pieces of ground (5 cells wide), and over blocks of time, are taken as
-// independent, whichever says more (sandwich estimate); with them the numbers held in simulated surveys (tests).
+// last for seconds. Pieces of ground (5 cells wide) and blocks of time are taken as independent of each
+// other, not what lies within one (sandwich estimate, clustered both ways).
 //
 // A single line shows the boresight only in the second order (what a head that is turned does while the vehicle
 // swings), where anything else that is slightly wrong shows, too: such angles fit well and are wrong. So
