@@ -76,6 +76,7 @@ int main(int argc, char** argv) {
   leadline::host::add_import_command(&app, &run);
   leadline::host::add_survey_command(&app, &run);
   leadline::host::add_crosslines_command(&app, &run);
+  leadline::host::add_calibrate_command(&app, &run);
 
   try {
     app.parse(argc, argv);

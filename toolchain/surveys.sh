@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Maps real surveys from their original files and prints the tables of host_tools/SURVEYS.md: how far
 # soundings of a cell lie apart with each sign turned round, how lines agree where they cross, and how well
-# a map foretells soundings that it has not seen, beside plain gridding.
+# a map foretells soundings that it has not seen, beside plain gridding; what the patch test finds; how straight
+# the walls of a tank are, and how far apart, in the voxels of a scanning head.
 #
-# usage: toolchain/surveys.sh [--data DIR] [--out DIR] [--no-build] [r2sonic | caputh]...
+# usage: toolchain/surveys.sh [--data DIR] [--out DIR] [--no-build] [r2sonic | caputh | ping360]...
 #   --data DIR   the shared data (default: $LEADLINE_DATA, or ../shared/data)
 #   --out DIR    where pings, maps and pictures go (default out/surveys)
 #   --no-build   take build/release as it is
@@ -29,12 +30,12 @@ while [ $# -gt 0 ]; do
       print_help
       exit 0
       ;;
-    r2sonic | caputh) surveys+=("$1") ;;
+    r2sonic | caputh | ping360) surveys+=("$1") ;;
     *) usage_error "unknown option $1" ;;
   esac
   shift
 done
-[ ${#surveys[@]} -gt 0 ] || surveys=(r2sonic caputh)
+[ ${#surveys[@]} -gt 0 ] || surveys=(r2sonic caputh ping360)
 if [ ! -d "$data" ]; then
   echo "*skipped*: no data at $data"
   exit 77
@@ -42,6 +43,8 @@ fi
 if [ "$build" -eq 1 ]; then
   "$root/toolchain/setup.sh"
   configure_and_build release leadline
+  # Its target is there where the benches' libraries are.
+  case " ${surveys[*]} " in *" ping360 "*) configure_and_build release tank_walls ;; esac
 fi
 leadline=$root/build/release/host_tools/leadline
 
@@ -81,6 +84,15 @@ run_r2sonic() {
   "$leadline" survey "$file" --flip roll --max-angle 57.3 --out "$out/wrong.csv" || status=$?
   if [ "$status" -ne 3 ]; then
     echo "a wrong roll sign went unnoticed (exit status $status)" >&2
+    exit 1
+  fi
+  echo "## R2Sonic, patch test"
+  "$leadline" calibrate "$file" --max-angle 57.3
+  echo "## R2Sonic, patch test, a wrong roll sign"
+  status=0
+  "$leadline" calibrate "$file" --flip roll --max-angle 57.3 || status=$?
+  if [ "$status" -ne 3 ]; then
+    echo "a wrong roll sign went unnoticed by the patch test (exit status $status)" >&2
     exit 1
   fi
   echo "## R2Sonic, every second ping mapped, the others foretold"
@@ -126,6 +138,30 @@ run_caputh() {
   "$leadline" map --pings "$out/caputh.csv" --config "$config" --out "$out/caputh.map"
   "$leadline" grid --pings "$out/caputh.csv" --config "$config" --out "$out/caputh.grid" > /dev/null
   picture caputh "Lake Caputh, SonTek M9, 2 m cells" 1
+}
+
+# The frames through the vehicle's own pipeline: decoded, echoes detected, mapped. The head stood still and nobody
+# recorded where: the navigation is made.
+run_ping360() {
+  local frames=$data/ping360_sector_junayed/derived/frames.bin
+  local here=$root/toolchain/surveys
+  local work=$out/ping360
+  if [ ! -f "$frames" ]; then
+    echo "*skipped*: no $frames"
+    return
+  fi
+  echo "## Ping360 in a tank"
+  rm -rf "$work"
+  mkdir -p "$work"
+  cp "$here/ping360.toml" "$work/vehicle.toml"
+  "$leadline" table --config "$here/ping360-beam.toml" --out "$work/beam.llt"
+  python3 "$here/still.py" 5954.0000,N 01042.0000,E 1100 > "$work/still.nmea"
+  "$leadline" import --config "$work/vehicle.toml" --record "0=$frames" --record "1=$work/still.nmea" \
+    --out "$work/survey.lll"
+  "$leadline" replay "$work/survey.lll" --out "$work/map"
+  "$leadline" render "$work/map" --view slice --axis down --at 0.005 --width 640 \
+    --title "Ping360 in a tank: horizontal slice, 2 cm cells" --out "$out/ping360.png"
+  "$root/build/release/tests/tank_walls" "$work/map" 0.005 0.3 0.95
 }
 
 mkdir -p "$out"

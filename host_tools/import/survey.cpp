@@ -102,7 +102,7 @@ class LineNavigation {
                           " is too far from the survey's origin");
     }
     base::Pose pose{};
-    pose.t_us = sample.t_us;
+    pose.t_us = sample.t_us - geometry_.position_delay_us;
     pose.position_um[0] = point.value().north_um;
     pose.position_um[1] = point.value().east_um;
     pose.position_um[2] = std::llround(-1e6 * line.heights_m[i]);
@@ -339,9 +339,10 @@ void build_rows(const SurveyLine& line, const estimator::LocalPlane& plane,
   const LineNavigation navigation(line, plane, geometry);
   RowBuilder builder(geometry, navigation, counts);
   rows->reserve(rows->size() + line.beams.size());
-  for (const SurveyBeam& beam : line.beams) {
+  for (std::size_t i = 0; i < line.beams.size(); ++i) {
     SurveyRow row{};
-    if (builder.build(beam, &row)) {
+    if (builder.build(line.beams[i], &row)) {
+      row.index = i;
       rows->push_back(row);
     }
   }

@@ -62,6 +62,7 @@ struct SurveyGeometry {
   double heave_sign = 1;
   double heading_offset_deg = 0;       ///< added: declination, a compass's deviation
   std::int64_t attitude_delay_us = 0;  ///< the attitude of a stamp was true that much earlier
+  std::int64_t position_delay_us = 0;  ///< the same of the position
   double max_angle_deg = 90;           ///< beams farther from the head's down axis are left out
   std::vector<unsigned> beams;         ///< only these numbers; empty: all
   unsigned min_quality = 1;
@@ -78,6 +79,7 @@ struct SurveyRow {
   double range_m;
   Sounding end;
   std::uint16_t beam_number;
+  std::size_t index;  ///< of the beam in its line
 };
 
 struct SurveyCounts {

@@ -17,28 +17,6 @@ std::string fixed_text(double value, int digits) {
   return text;
 }
 
-estimator::LocalPlane plane_of(const SurveyOptions& options, const std::vector<SurveyLine>& lines) {
-  if (options.origin_lat_deg.has_value() != options.origin_lon_deg.has_value()) {
-    throw HostError(ExitCode::kUsage, "--lat and --lon: an origin needs both");
-  }
-  estimator::Geodetic origin{};
-  if (options.origin_lat_deg) {
-    origin = {std::llround(*options.origin_lat_deg * 1e9),
-              std::llround(*options.origin_lon_deg * 1e9)};
-  } else if (!lines.front().positions.empty()) {
-    origin = {lines.front().positions.front().latitude_e9deg,
-              lines.front().positions.front().longitude_e9deg};
-  }
-  estimator::LocalPlane plane;
-  if (plane.configure(origin) != base::Status::kOk) {
-    throw HostError(ExitCode::kUsage,
-                    "--lat, --lon: no origin can lie at " +
-                        json_number(1e-9 * static_cast<double>(origin.latitude_e9deg)) + ", " +
-                        json_number(1e-9 * static_cast<double>(origin.longitude_e9deg)));
-  }
-  return plane;
-}
-
 std::string pings_csv(const std::vector<SurveyRow>& rows) {
   std::string text =
       "time_us,x_m,y_m,z_m,roll_deg,pitch_deg,heading_deg,beam_az_deg,beam_el_deg,range_m\n";
@@ -164,24 +142,52 @@ void judge(const SurveyOptions& options, const SignCheck& check) {
   }
 }
 
+estimator::LocalPlane plane_of(const SurveyOptions& options, const std::vector<SurveyLine>& lines) {
+  if (options.origin_lat_deg.has_value() != options.origin_lon_deg.has_value()) {
+    throw HostError(ExitCode::kUsage, "--lat and --lon: an origin needs both");
+  }
+  estimator::Geodetic origin{};
+  if (options.origin_lat_deg) {
+    origin = {std::llround(*options.origin_lat_deg * 1e9),
+              std::llround(*options.origin_lon_deg * 1e9)};
+  } else if (!lines.front().positions.empty()) {
+    origin = {lines.front().positions.front().latitude_e9deg,
+              lines.front().positions.front().longitude_e9deg};
+  }
+  estimator::LocalPlane plane;
+  if (plane.configure(origin) != base::Status::kOk) {
+    throw HostError(ExitCode::kUsage,
+                    "--lat, --lon: no origin can lie at " +
+                        json_number(1e-9 * static_cast<double>(origin.latitude_e9deg)) + ", " +
+                        json_number(1e-9 * static_cast<double>(origin.longitude_e9deg)));
+  }
+  return plane;
+}
+
 }  // namespace
 
-int run_survey(const SurveyOptions& options) {
-  SurveyGeometry geometry = options.geometry;
-  estimator::SoundSpeedProfile profile;
+void read_survey(const SurveyOptions& options, const char* command, SurveyInput* input) {
+  input->geometry = options.geometry;
   if (!options.profile_path.empty()) {
-    profile = read_sound_speed_profile(options.profile_path);
-    geometry.profile = &profile;
+    input->profile = read_sound_speed_profile(options.profile_path);
+    input->geometry.profile = &input->profile;
   }
-  std::vector<SurveyLine> lines;
   for (const std::string& path : options.paths) {
     std::string notice;
-    lines.push_back(read_survey_line(path, &notice));
+    input->lines.push_back(read_survey_line(path, &notice));
     if (!notice.empty()) {
-      std::cerr << "leadline: survey: " << path << ": " << notice << "\n";
+      std::cerr << "leadline: " << command << ": " << path << ": " << notice << "\n";
     }
   }
-  const estimator::LocalPlane plane = plane_of(options, lines);
+  input->plane = plane_of(options, input->lines);
+}
+
+int run_survey(const SurveyOptions& options) {
+  SurveyInput input;
+  read_survey(options, "survey", &input);
+  const std::vector<SurveyLine>& lines = input.lines;
+  const estimator::LocalPlane& plane = input.plane;
+  SurveyGeometry geometry = input.geometry;
   if (options.fit_lever_arm) {
     geometry.lever_arm_m =
         fit_lever_arm(lines, plane, geometry, options.spread_cell_m, options.spread_min_soundings);

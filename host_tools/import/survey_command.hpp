@@ -24,6 +24,22 @@ struct SurveyOptions {
   bool json = false;
 };
 
+/// What a survey's options name, read. Not copied: the geometry points to the profile.
+struct SurveyInput {
+  SurveyInput() = default;
+  SurveyInput(const SurveyInput&) = delete;
+  SurveyInput& operator=(const SurveyInput&) = delete;
+
+  std::vector<SurveyLine> lines;
+  estimator::LocalPlane plane;
+  estimator::SoundSpeedProfile profile;
+  SurveyGeometry geometry;
+};
+
+/// Fills a fresh `input`; what was odd about a file goes to stderr as `command`'s. Throws HostError kInput,
+/// kUsage (one of lat and lon, no place on Earth).
+void read_survey(const SurveyOptions& options, const char* command, SurveyInput* input);
+
 /// The command. Prints what became of the beams, and how far soundings of a cell lie apart as given, with
 /// each sign flipped and without attitude. Returns 0. Throws HostError: kInput (files; a flipped sign
 /// agrees better: with the numbers), kUsage (one of lat and lon), kOutput.
