@@ -255,6 +255,37 @@ TEST(stuck_sensor_is_out_after_a_hundred_samples) {
   assert_accounts();
 }
 
+// Rates of nothing beside angles that move: the attitude must not be what the rates make of it.
+TEST(stuck_gyro_does_not_lead_the_attitude_away) {
+  configure_rig(vehicle, with_compass(0));
+  RigOptions options;
+  options.seconds = 30;
+  options.attitude_until_s = 0;
+  options.tamper = [&](RecordedCycle& cycle) {
+    Motion motion = motion_at(cycle.t_us);
+    motion.rate_rad_s = {};
+    cycle.chunks.push_back(
+        RecordedChunk{kCompass, cycle.t_us, leadline::emu::vectornav_common(motion)});
+  };
+  double worst_deg = 0;
+  double squares = 0;
+  int count = 0;
+  fly(vehicle, options, [&](const RecordedCycle& cycle, const CycleOutput&) {
+    const Pose& pose = vehicle.latest_pose();
+    if (cycle.t_us > 1'000'000) {
+      const double error = degrees(pose.attitude.roll_bam32) - motion_at(pose.t_us).roll_deg;
+      worst_deg = std::max(worst_deg, std::abs(error));
+      squares += error * error;
+      ++count;
+    }
+  });
+  std::printf("roll off by %.2f degrees rms, %.2f at most; epochs %d\n", std::sqrt(squares / count),
+              worst_deg, vehicle.latest_pose().epoch);
+  assert_true(worst_deg < 3.0);
+  assert_true(std::sqrt(squares / count) < 1.0);
+  assert_true(vehicle.latest_pose().epoch > 0);
+}
+
 TEST(navigation_gap_of_0_to_60_s_writes_no_cell) {
   for (const double gap_s : {0.0, 0.2, 1.0, 5.0, 15.0, 26.0, 40.0, 60.0}) {
     VehicleConfig config = rig_config();
