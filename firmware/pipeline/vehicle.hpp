@@ -260,8 +260,6 @@ class Vehicle {
   std::uint16_t survey_tag_ = 0;
   model::EchoDetectorConfig detector_[kMaxPorts] = {};
   DevicePort ports_[kMaxPorts];
-  estimator::ClockSync clocks_[kMaxPorts];  ///< of ports with kPortDeviceClock
-  estimator::StuckWatch stuck_[kMaxPorts];  ///< of ports with kPortWatchStuck
   estimator::Navigator navigator_;
   PingQueue pending_;
   base::Ping ready_{};  ///< the oldest pending ping, its echo detected
@@ -269,6 +267,8 @@ class Vehicle {
   std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
   std::size_t mapped_count_ = 0;
+  estimator::ClockSync clocks_[kMaxPorts];  ///< of ports with kPortDeviceClock
+  estimator::StuckWatch stuck_[kMaxPorts];  ///< of ports with kPortWatchStuck
   TileSet stale_;
   TileSet unsent_;
   LinkMap link_map_;

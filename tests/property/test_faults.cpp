@@ -15,7 +15,6 @@ using leadline::base::TimeUs;
 using leadline::emu::Motion;
 using leadline::firmware::CycleOutput;
 using leadline::firmware::Driver;
-using leadline::firmware::PingLoss;
 using leadline::firmware::Vehicle;
 using leadline::firmware::VehicleConfig;
 using leadline::test::configure_rig;
