@@ -131,6 +131,7 @@ class NavigationFilter {
   void restart_horizontal() { horizontal_started_ = false; }
   void restart_vertical() { vertical_started_ = false; }
   void restart_heading() { heading_started_ = false; }
+  void restart_level() { level_started_ = false; }
 
   [[nodiscard]] bool horizontal_started() const { return horizontal_started_; }
   [[nodiscard]] bool vertical_started() const { return vertical_started_; }

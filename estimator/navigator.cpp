@@ -132,6 +132,7 @@ void Navigator::reset_state() {
   fix_rejects_ = Rejects{};
   depth_rejects_ = Rejects{};
   stale_in_a_row_ = 0;
+  level_refused_ = 0;
   latest_ = Pose{};
 }
 
@@ -266,8 +267,20 @@ void Navigator::take_level(const NavSample& sample) {
           stated_or(sample.sigma_attitude_urad[0], config_.sigma_attitude_urad)),
       static_cast<std::uint32_t>(
           stated_or(sample.sigma_attitude_urad[1], config_.sigma_attitude_urad))};
-  static_cast<void>(filter_.update_level(sample.attitude.roll_bam32, sample.attitude.pitch_bam32,
-                                         sigma_urad, age(sample.t_us)));
+  const auto merge = [&] {
+    return filter_.update_level(sample.attitude.roll_bam32, sample.attitude.pitch_bam32, sigma_urad,
+                                age(sample.t_us));
+  };
+  const bool refused = merge() == Fusion::kGated && filter_.has_rates();
+  level_refused_ = refused ? level_refused_ + 1 : 0;
+  if (level_refused_ < kJumpCount) {
+    return;
+  }
+  // Rates that are wrong (a gyro that hangs) have led the attitude away from where down is.
+  level_refused_ = 0;
+  filter_.restart_level();
+  static_cast<void>(merge());
+  begin_epoch();
 }
 
 bool Navigator::origin_ready(const Geodetic& fix) {

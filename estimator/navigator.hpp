@@ -147,6 +147,7 @@ class Navigator {
   Rejects fix_rejects_;
   Rejects depth_rejects_;
   std::uint32_t stale_in_a_row_ = 0;
+  std::uint32_t level_refused_ = 0;  ///< in a row, while rates carry the attitude
   std::uint16_t epoch_ = 0;
   base::Pose latest_{};
   std::array<base::Pose, kPoses> storage_{};

@@ -2,10 +2,14 @@
 # Runs the long trials and reports what was reached.
 #
 # usage: toolchain/soak.sh [--minutes N] [--work-bound-pings N]
+#        toolchain/soak.sh --sensors [--minutes N]
 #   --minutes N            in all (default 60): a quarter each for fuzzing, for mapping and for the search
 #                          for the worst ping; the tests labelled full take what they take
 #   --work-bound-pings N   pings per configuration of that search (default: what a quarter of the time
 #                          allows, 7,500 per minute; a billion in all is 32,000,000)
+#   --sensors              only this, for N minutes (default 10): all emulated devices at ten times their
+#                          rate, lines that break at random. In = fused + shed + rejected, to the byte and
+#                          the record; no growth in memory or descriptors
 #
 #   tests     those labelled full, release build
 #   fuzzing   every fuzz target in turn
@@ -18,8 +22,9 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-minutes=60
+minutes=
 bound_pings=
+sensors_only=false
 while [ $# -gt 0 ]; do
   case $1 in
     --minutes)
@@ -32,6 +37,7 @@ while [ $# -gt 0 ]; do
       bound_pings=$2
       shift
       ;;
+    --sensors) sensors_only=true ;;
     -h | --help)
       print_help
       exit 0
@@ -40,6 +46,10 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
+if [ -z "$minutes" ]; then
+  minutes=60
+  ! $sensors_only || minutes=10
+fi
 case $minutes in '' | *[!0-9]* | 0) usage_error "--minutes wants a whole number from 1" ;; esac
 bound_pings=${bound_pings:-$((minutes * 7500))}
 case $bound_pings in *[!0-9]* | 0) usage_error "--work-bound-pings wants a whole number from 1" ;; esac
@@ -59,6 +69,11 @@ fuzz_all() {
 search_worst_ping() {
   LEADLINE_WORK_BOUND_PINGS=$bound_pings "$root/build/release/tests/property.work_bound_ci" 2>&1 |
     tee "$out/work_bound.txt"
+}
+
+sensors_at_ten_times_their_rate() {
+  LEADLINE_SENSOR_SOAK_S=$((minutes * 60)) "$root/build/release/tests/property.faults_soak_ci" 2>&1 |
+    tee "$out/sensors.txt"
 }
 
 map_again_and_again() {
@@ -97,6 +112,13 @@ PYTHON
 }
 
 "$root/toolchain/setup.sh" --checks
+if $sensors_only; then
+  step "build release" configure_and_build release property.faults_soak_ci || { step_summary; exit 1; }
+  step "sensors, $minutes min" sensors_at_ten_times_their_rate || true
+  grep -h '^reached\|vehicles. time; memory' "$out/sensors.txt" | tail -1 | sed 's/^/sensors: /' || true
+  step_summary
+  exit
+fi
 step "build release" configure_and_build release || { step_summary; exit 1; }
 step "tests labelled full" run_ctest release -L '^full$' || true
 step "fuzzing, $minutes/4 min" fuzz_all || true

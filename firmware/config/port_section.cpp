@@ -117,7 +117,7 @@ struct SwitchKey {
   DriverSet drivers;
 };
 
-constexpr std::array<SwitchKey, 22> kSwitchKeys{{
+constexpr std::array<SwitchKey, 24> kSwitchKeys{{
     {"clockwise", firmware::kPortOtherSense, true, kScanners},
     {"positive_to_port", firmware::kPortOtherSense, true, of(Driver::kCerulean)},
     {"positive_to_starboard", firmware::kPortOtherSense, true, of(Driver::kDeltat83p)},
@@ -143,6 +143,9 @@ constexpr std::array<SwitchKey, 22> kSwitchKeys{{
     {"euler_angles", firmware::kPortEulerAngles, false, of(Driver::kTss1, Driver::kPd0)},
     {"other_axes", firmware::kPortOtherAxes, false, of(Driver::kXsens, Driver::kWldvl)},
     {"check_status", firmware::kPortIgnoreStatus, true, of(Driver::kXsens, Driver::kTrax)},
+    {"use_device_clock", firmware::kPortDeviceClock, false,
+     of(Driver::kVectornav, Driver::kXsens, Driver::kWldvl, Driver::kMavlink)},
+    {"watch_stuck", firmware::kPortWatchStuck, false, kEvery & ~kHeads},
     {"profile", 0, false, of(Driver::kPing1d, Driver::kCerulean, Driver::kImagenex)},
 }};
 

@@ -36,6 +36,8 @@ enum PortSwitch : std::uint16_t {
   kPortOtherAxes = 1U << 9U,        ///< the sensor's axes are not those of its habit
   kPortIgnoreStatus = 1U << 10U,    ///< take what the sensor calls not valid
   kPortUsePressure = 1U << 11U,     ///< the pressure is that of the water
+  kPortDeviceClock = 1U << 12U,     ///< samples count at the sensor's own clock, once that is sure
+  kPortWatchStuck = 1U << 13U,      ///< of equal samples in a row the 100th and on are not fused
 };
 
 /// What a head's intensities are. The echo detector compares energies.

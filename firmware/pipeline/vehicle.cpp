@@ -220,6 +220,8 @@ void Vehicle::configure_ports() {
       port.driver = Driver::kNone;
     }
     ports_[i].configure(port, DeviceSetup{config_.sound_speed_mm_s});
+    clocks_[i] = estimator::ClockSync{};
+    stuck_[i].restart();
     detector_[i] = model::EchoDetectorConfig{
         model_.table(config_.mounts[port.mount].table).detection_fraction_q16, port.min_range_um,
         port.max_range_um};
@@ -310,6 +312,8 @@ void Vehicle::take_host_report(const InputChunk& chunk) {
   for (int port = 0; port < config_.port_count; ++port) {
     if (reopened(before, host_, port)) {
       ports_[port].restart();
+      clocks_[port].restart();
+      stuck_[port].restart();
     }
   }
 }
@@ -346,12 +350,25 @@ void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std
       if (kind == RecordKind::kPing) {
         take_ping(record.ping);
       } else {
-        ++counters_.nav_samples;
-        navigator_.take(record.sample, sensor_mount(config_, port));
+        take_sample(port, record.sample);
       }
     }
   }
   tally.rejected = device.rejected();
+}
+
+void Vehicle::take_sample(std::uint8_t port, base::NavSample& sample) {
+  ++counters_.nav_samples;
+  const bool watched = (config_.ports[port].switches & kPortWatchStuck) != 0;
+  if (watched && stuck_[port].stuck(sample)) {
+    ++counters_.nav_stuck;
+    return;
+  }
+  const bool has_clock = (config_.ports[port].switches & kPortDeviceClock) != 0;
+  if (has_clock && sample.t_device_us != 0) {
+    sample.t_us = clocks_[port].stamp(sample.t_device_us, sample.t_us);
+  }
+  navigator_.take(sample, sensor_mount(config_, port));
 }
 
 void Vehicle::take_ping(const Ping& ping) {

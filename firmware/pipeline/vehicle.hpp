@@ -9,7 +9,9 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "estimator/clock_sync.hpp"
 #include "estimator/navigator.hpp"
+#include "estimator/stuck_watch.hpp"
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
 #include "firmware/pipeline/downlink.hpp"
@@ -106,6 +108,7 @@ struct VehicleCounters {
   std::uint64_t profiles_detected;    ///< profiles with an echo
   std::uint64_t profiles_undetected;  ///< without: mapped as no return
   std::uint64_t nav_samples;
+  std::uint64_t nav_stuck;  ///< of these, not fused: as a hundred before them (kPortWatchStuck)
   std::uint64_t tiles_extracted;
   std::uint64_t tile_deltas;    ///< frames of tile deltas
   std::uint64_t delta_bytes;    ///< in them, framing included
@@ -156,6 +159,8 @@ class Vehicle {
 
   [[nodiscard]] const VehicleConfig& config() const { return config_; }
   [[nodiscard]] const VehicleCounters& counters() const { return counters_; }
+  /// The clock of a port's device, 0 <= port < kMaxPorts; knows nothing without kPortDeviceClock.
+  [[nodiscard]] const estimator::ClockSync& clock(int port) const { return clocks_[port]; }
   [[nodiscard]] const model::Model& model() const { return model_; }
   /// For the host: full extraction after a replay. What the vehicle does next stays the same.
   [[nodiscard]] model::Model& model() { return model_; }
@@ -214,6 +219,7 @@ class Vehicle {
   void take_device_bytes(std::uint8_t port, const std::uint8_t* data, std::size_t size_bytes,
                          base::TimeUs t_us);
   void take_ping(const base::Ping& ping);
+  void take_sample(std::uint8_t port, base::NavSample& sample);
   void take_uplink(const std::uint8_t* data, std::size_t size_bytes);
   [[nodiscard]] std::uint32_t uplink_errors();
   void resend(const proto::ResendRequest& request);
@@ -261,6 +267,8 @@ class Vehicle {
   std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
   std::size_t mapped_count_ = 0;
+  estimator::ClockSync clocks_[kMaxPorts];  ///< of ports with kPortDeviceClock
+  estimator::StuckWatch stuck_[kMaxPorts];  ///< of ports with kPortWatchStuck
   TileSet stale_;
   TileSet unsent_;
   LinkMap link_map_;

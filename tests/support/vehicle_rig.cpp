@@ -53,7 +53,7 @@ emu::NmeaTruth truth_at(TimeUs t_us, const RigOptions& options) {
   truth.roll_deg = options.roll_deg * std::sin(2.0 * kPi * t / 5.0);
   truth.pitch_deg = 0.5 * options.roll_deg * std::sin(2.0 * kPi * t / 7.0);
   truth.heading_deg = 10.0;
-  const double jump = t >= options.jump_at_s ? 60.0 : 0.0;
+  const double jump = t >= options.jump_at_s ? options.jump_m : 0.0;
   truth.latitude_deg = kLatitude_deg + (place.north + jump) / metres_per_degree_north();
   truth.longitude_deg = kLongitude_deg + place.east / metres_per_degree_east();
   truth.pressure_pa = 101325.0 + 1029.0 * 9.80665 * kDepth_m;

@@ -51,7 +51,8 @@ struct RigOptions {
   double echo_until_s = 1e9;      ///< nothing but noise comes back afterwards
   double attitude_until_s = 1e9;  ///< silent afterwards
   double fix_until_s = 1e9;
-  double jump_at_s = 1e9;  ///< the position fixes move by 60 m north
+  double jump_at_s = 1e9;  ///< the position fixes move by jump_m north
+  double jump_m = 60.0;
   std::uint32_t room_bytes = 100'000;
   base::TimeUs cycle_us = 20'000;
   /// Called with every cycle's input before it runs: the place to do harm.

@@ -220,6 +220,19 @@ TEST(options_of_drivers_reach_the_vehicle) {
   assert_int_equal(pressure.address, 1);
 }
 
+TEST(what_a_sensor_s_samples_go_through_is_asked_for) {
+  using leadline::firmware::kPortDeviceClock;
+  using leadline::firmware::kPortWatchStuck;
+  const VehicleFile file =
+      parse(kGrid + kMount + kLink +
+            "[[port]]\nuri = \"udp:h:1\"\ndriver = \"xsens\"\nuse_device_clock = true\n"
+            "watch_stuck = true\n[[port]]\nuri = \"udp:h:2\"\ndriver = \"keller\"\n");
+  assert_int_equal(file.config.ports[0].switches, kPortDeviceClock | kPortWatchStuck);
+  assert_int_equal(file.config.ports[1].switches, 0);
+  const std::string resolved = vehicle_file_to_toml(file);
+  assert_string_equal(vehicle_file_to_toml(parse(resolved)).c_str(), resolved.c_str());
+}
+
 TEST(numbers_come_back_as_they_were_written) {
   const VehicleFile file = parse(kSmallest +
                                  "[navigation]\nsigma_attitude_deg = 0.15\n"
