@@ -32,7 +32,7 @@ std::vector<KnownTable> known_tables() {
   return {
       {"",
        {"schema_version", "survey", "grid", "sonar", "navigation", "model", "frame", "cycle",
-        "mount", "port", "link", "log"},
+        "mount", "port", "link", "log", "sound_speed"},
        false},
       {"survey", {"id", "name"}, false},
       {"grid", grid_keys(), false},
@@ -41,6 +41,7 @@ std::vector<KnownTable> known_tables() {
       {"model", model_keys(), false},
       {"frame", frame_keys(), false},
       {"cycle", {"period_ms", "voxel_budget", "tile_budget", "ping_voxel_budget"}, false},
+      {"sound_speed", {"depth_m", "speed_m_s"}, true},
       {"mount", {"name", "lever_arm_mm", "boresight_deg", "table"}, true},
       {"port", port_keys(), true},
       {"link",
@@ -103,6 +104,51 @@ void check_sound_speed(TomlReader* reader, const SonarRanges& ranges) {
   }
 }
 
+/// How many of a [[table]] there are; too many and none are findings.
+bool check_count(TomlReader* reader, const char* name, std::size_t count, int most) {
+  if (count > static_cast<std::size_t>(most)) {
+    reader->find_missing("[[" + std::string(name) + "]]: " + std::to_string(count) +
+                         " of them, at most " + std::to_string(most) + " are possible");
+    return false;
+  }
+  const bool other =
+      count == 0 && reader->root().has(name);  // no [[table]]: found by the check of keys
+  if (count == 0 && !other) {
+    reader->find_missing("a table [[" + std::string(name) + "]] is missing");
+  }
+  return count > 0;
+}
+
+void read_sound_speed_point(const TomlSection& section, firmware::WaterConfig* water) {
+  for (const char* const key : {"depth_m", "speed_m_s"}) {
+    if (!section.has(key)) {
+      section.find_missing(std::string(key) + " is missing");
+    }
+  }
+  firmware::SoundSpeedEntry entry{};
+  read_scaled(section, "depth_m", {0, 12'000}, 1e3, &entry.depth_mm);
+  read_scaled(section, "speed_m_s", {1300, 1700}, 1e3, &entry.speed_mm_s);
+  if (water->point_count > 0 && section.has("depth_m") &&
+      entry.depth_mm <= water->points[water->point_count - 1].depth_mm) {
+    section.refuse("depth_m", "has to be below the point before it");
+  }
+  water->points[water->point_count] = entry;
+  ++water->point_count;
+}
+
+void read_sound_speeds(TomlReader* reader, VehicleFile* file) {
+  firmware::WaterConfig& water = file->config.water;
+  water.speed_known = reader->section("sonar").has("sound_speed_mm_s") ? 1 : 0;
+  const std::vector<TomlSection> sections = reader->sections("sound_speed");
+  if (sections.empty() ||
+      !check_count(reader, "sound_speed", sections.size(), firmware::kMaxSoundSpeedPoints)) {
+    return;
+  }
+  for (const TomlSection& section : sections) {
+    read_sound_speed_point(section, &water);
+  }
+}
+
 void read_navigation(TomlReader* reader, VehicleFile* file) {
   read_navigation_sigmas(reader, &file->sigmas);
   const TomlSection section = reader->section("navigation");
@@ -144,6 +190,26 @@ void read_frame_of_vehicle(TomlReader* reader, VehicleFile* file) {
   navigation.has_origin = 1;
   navigation.origin_latitude_e9deg = std::llround(*frame.lat_deg * 1e9);
   navigation.origin_longitude_e9deg = std::llround(lon_deg * 1e9);
+}
+
+/// Normal gravity on the WGS 84 ellipsoid (Somigliana; NIMA TR8350.2, equation 4-1), micrometres per
+/// second squared: 9.7803 m/s^2 at the equator, 9.8322 at the poles.
+std::int32_t normal_gravity_um_s2(double latitude_deg) {
+  constexpr double kAtEquator_m_s2 = 9.7803253359;
+  constexpr double kSomigliana = 0.00193185265241;
+  constexpr double kEccentricity2 = 0.00669437999013;
+  const double sine = std::sin(latitude_deg * (kUradPerDegree * 1e-6));
+  const double square = sine * sine;
+  return static_cast<std::int32_t>(
+      std::llround(1e6 * kAtEquator_m_s2 * (1.0 + kSomigliana * square) /
+                   std::sqrt(1.0 - kEccentricity2 * square)));
+}
+
+/// Where the survey is known to be, its own gravity is the default.
+void default_gravity(TomlReader* reader, VehicleFile* file) {
+  if (file->frame.lat_deg && !reader->section("navigation").has("gravity_m_s2")) {
+    file->config.navigation.gravity_um_s2 = normal_gravity_um_s2(*file->frame.lat_deg);
+  }
 }
 
 void read_cycle(TomlReader* reader, VehicleFile* file) {
@@ -200,21 +266,6 @@ void read_mount(const TomlSection& section, const std::string& base_dir, Vehicle
   }
   file->config.mounts[file->mount_names.size()] = mount;
   file->mount_names.push_back(name);
-}
-
-/// How many of a [[table]] there are; too many and none are findings.
-bool check_count(TomlReader* reader, const char* name, std::size_t count, int most) {
-  if (count > static_cast<std::size_t>(most)) {
-    reader->find_missing("[[" + std::string(name) + "]]: " + std::to_string(count) +
-                         " of them, at most " + std::to_string(most) + " are possible");
-    return false;
-  }
-  const bool other =
-      count == 0 && reader->root().has(name);  // no [[table]]: found by the check of keys
-  if (count == 0 && !other) {
-    reader->find_missing("a table [[" + std::string(name) + "]] is missing");
-  }
-  return count > 0;
 }
 
 void read_mounts(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
@@ -322,7 +373,15 @@ void add_survey(const VehicleFile& file, EntryList* list) {
   if (file.ranges.detect_range_mm) {
     list->integer("detect_range_mm", *file.ranges.detect_range_mm);
   }
-  list->integer("sound_speed_mm_s", file.ranges.sound_speed_mm_s);
+  if (file.config.water.speed_known != 0) {
+    list->integer("sound_speed_mm_s", file.ranges.sound_speed_mm_s);
+  }
+  for (int i = 0; i < file.config.water.point_count; ++i) {
+    const firmware::SoundSpeedEntry& point = file.config.water.points[i];
+    list->in("sound_speed", i);
+    list->scaled("depth_m", point.depth_mm, 1e3);
+    list->scaled("speed_m_s", point.speed_mm_s, 1e3);
+  }
 }
 
 void add_navigation(const VehicleFile& file, EntryList* list) {
@@ -426,9 +485,11 @@ VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
   file.grid = read_grid(&reader);
   read_sonar_ranges(&reader, file.grid, &file.ranges);
   check_sound_speed(&reader, file.ranges);
+  read_sound_speeds(&reader, &file);
   read_navigation(&reader, &file);
   file.model = read_model(&reader);
   read_frame_of_vehicle(&reader, &file);
+  default_gravity(&reader, &file);
   read_cycle(&reader, &file);
   read_mounts(&reader, base_dir, &file);
   read_ports(&reader, &file);

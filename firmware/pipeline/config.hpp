@@ -98,6 +98,22 @@ struct NavigationConfig {
   std::int32_t max_wait_us;                   ///< a ping waits this long for a pose behind it
 };
 
+inline constexpr int kMaxSoundSpeedPoints = 32;
+
+struct SoundSpeedEntry {
+  std::int32_t depth_mm;  ///< below the surface, strictly increasing
+  std::int32_t speed_mm_s;
+};
+
+/// What is known of the water (sound_path.hpp).
+struct WaterConfig {
+  /// 1: VehicleConfig::sound_speed_mm_s is that of the water, and lengths that a head made with another
+  /// speed are made anew; 0: it is a default, and a head that states a speed knows better.
+  std::uint16_t speed_known;
+  std::uint16_t point_count;  ///< 0: the same speed everywhere
+  SoundSpeedEntry points[kMaxSoundSpeedPoints];
+};
+
 struct LinkConfig {
   std::uint32_t rate_bytes_s;  ///< budget, framing included
   std::uint16_t mtu_bytes;     ///< largest frame on the wire, 128 .. 1400
@@ -126,6 +142,7 @@ struct VehicleConfig {
   PortConfig ports[kMaxPorts];
   MountConfig mounts[kMaxMounts];
   NavigationConfig navigation;
+  WaterConfig water;
   LinkConfig link;
   /// Differs whenever the vehicle starts over with an empty map: the program takes it from the clock of the
   /// day or a counter. Part of every frame's tag, and of the log.

@@ -38,10 +38,19 @@ enum class DriverKind : std::uint8_t {
   kSensor = 1,  ///< attitude, position, depth, speed: its records are base::NavSample
 };
 
+/// Face of an array that forms its beams by phase, in the mount's frame. Phases fix the direction for the
+/// speed of sound that the head reckons with: another one turns the beam (sound_path.hpp).
+enum class ArrayFace : std::uint8_t {
+  kNone = 0,     ///< a beam as the head points: nothing turns it
+  kDown = 1,     ///< looks down: steered across
+  kForward = 2,  ///< looks ahead: steered both ways
+};
+
 struct DriverInfo {
   Driver driver;
   const char* name;  ///< in vehicle.toml, on command lines, in reports
   DriverKind kind;
+  ArrayFace face = ArrayFace::kNone;
 };
 
 /// In the order of their numbers, kNone left out.
@@ -49,13 +58,13 @@ inline constexpr std::array<DriverInfo, kLastDriver> kDrivers{{
     {Driver::kPing1d, "ping1d", DriverKind::kHead},
     {Driver::kPing360, "ping360", DriverKind::kHead},
     {Driver::kNmea, "nmea", DriverKind::kSensor},
-    {Driver::kCerulean, "cerulean", DriverKind::kHead},
+    {Driver::kCerulean, "cerulean", DriverKind::kHead, ArrayFace::kDown},
     {Driver::kImagenex, "imagenex", DriverKind::kHead},
-    {Driver::kDeltat83p, "deltat83p", DriverKind::kHead},
+    {Driver::kDeltat83p, "deltat83p", DriverKind::kHead, ArrayFace::kDown},
     {Driver::kTritech, "tritech", DriverKind::kHead},
-    {Driver::kR2sonic, "r2sonic", DriverKind::kHead},
-    {Driver::kKongsberg, "kongsberg", DriverKind::kHead},
-    {Driver::kWl3d, "wl3d", DriverKind::kHead},
+    {Driver::kR2sonic, "r2sonic", DriverKind::kHead, ArrayFace::kDown},
+    {Driver::kKongsberg, "kongsberg", DriverKind::kHead, ArrayFace::kDown},
+    {Driver::kWl3d, "wl3d", DriverKind::kHead, ArrayFace::kForward},
     {Driver::kTss1, "tss1", DriverKind::kSensor},
     {Driver::kVectornav, "vectornav", DriverKind::kSensor},
     {Driver::kXsens, "xsens", DriverKind::kSensor},
@@ -89,6 +98,11 @@ static_assert(detail::numbered_in_order(), "driver_info() looks a driver up by i
 [[nodiscard]] constexpr const char* driver_name(Driver driver) {
   const DriverInfo* const info = driver_info(driver);
   return info != nullptr ? info->name : "none";
+}
+
+[[nodiscard]] constexpr ArrayFace array_face(Driver driver) {
+  const DriverInfo* const info = driver_info(driver);
+  return info != nullptr ? info->face : ArrayFace::kNone;
 }
 
 [[nodiscard]] constexpr bool is_head(Driver driver) {

@@ -105,6 +105,8 @@ const char* ping_loss_name(PingLoss loss) {
       return "paused";
     case PingLoss::kBad:
       return "bad";
+    case PingLoss::kNoPath:
+      return "no_path";
     case PingLoss::kCount:
       break;
   }
@@ -174,6 +176,10 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   }
   config_ = config;
   status = navigator_.configure(navigator_config());
+  if (status != Status::kOk) {
+    return status;
+  }
+  status = sound_path_.configure(config_);
   if (status != Status::kOk) {
     return status;
   }
@@ -375,6 +381,16 @@ void Vehicle::take_ping(const Ping& ping) {
 
 void Vehicle::lose(PingLoss loss) { ++counters_.pings_lost[static_cast<int>(loss)]; }
 
+// The port whose head sits on the mount.
+std::size_t Vehicle::port_of_head(std::uint16_t mount) const {
+  std::size_t port = 0;
+  while (port + 1 < static_cast<std::size_t>(config_.port_count) &&
+         !(is_head(config_.ports[port].driver) && config_.ports[port].mount == mount)) {
+    ++port;
+  }
+  return port;
+}
+
 // The oldest pending ping with its echo found: once, however long it waits.
 void Vehicle::make_ready() {
   if (has_ready_) {
@@ -385,11 +401,7 @@ void Vehicle::make_ready() {
   if (ready_.kind != ReturnKind::kProfile) {
     return;
   }
-  std::size_t port = 0;
-  while (port + 1 < static_cast<std::size_t>(config_.port_count) &&
-         !(is_head(config_.ports[port].driver) && config_.ports[port].mount == ready_.mount)) {
-    ++port;
-  }
+  const std::size_t port = port_of_head(ready_.mount);
   base::RangeProfile profile = ready_.profile;
   if (profile.intensity != nullptr) {
     energies_of(profile, config_.ports[port].intensity_scale,
@@ -445,6 +457,13 @@ bool Vehicle::pose_for(const Ping& ping, Pose& pose, PingLoss& loss, bool& wait)
   return true;
 }
 
+// The ready ping along the straight line to where its sound went.
+bool Vehicle::straightened(const Pose& head, PingLoss& loss) {
+  loss = PingLoss::kNoPath;
+  const Driver driver = config_.ports[port_of_head(ready_.mount)].driver;
+  return sound_path_.straighten(ready_, head, array_face(driver));
+}
+
 // A footprint of kMaxFootprintCells holds 2.2 sigma: what is less certain than that would be cut, and said
 // to lie where nobody knows that it does.
 bool Vehicle::certain_enough(const Pose& pose) const {
@@ -478,7 +497,7 @@ void Vehicle::map_pings() {
     Pose pose{};
     PingLoss loss = PingLoss::kNoPose;
     bool wait = false;
-    if (pose_for(ready_, pose, loss, wait)) {
+    if (pose_for(ready_, pose, loss, wait) && straightened(pose, loss)) {
       static_cast<void>(model_.integrate(ready_, pose, config_.mounts[ready_.mount].table));
       keep_mapped(pose);
       ++counters_.pings_mapped;

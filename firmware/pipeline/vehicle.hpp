@@ -16,6 +16,7 @@
 #include "firmware/pipeline/host_report.hpp"
 #include "firmware/pipeline/link_map.hpp"
 #include "firmware/pipeline/ping_queue.hpp"
+#include "firmware/pipeline/sound_path.hpp"
 #include "firmware/pipeline/tile_set.hpp"
 #include "model/base/pose.hpp"
 #include "model/base/status.hpp"
@@ -80,7 +81,8 @@ enum class PingLoss : std::uint8_t {
   kPoseEpoch = 3,  ///< navigation jumped during the ping
   kPaused = 4,     ///< position less certain than any footprint is wide (kPauseSigma)
   kBad = 5,        ///< fields out of range
-  kCount = 6,
+  kNoPath = 6,     ///< the water lets no such beam come back (sound_path.hpp)
+  kCount = 7,
 };
 /// Short name for statistics (`shed`, ...).
 [[nodiscard]] const char* ping_loss_name(PingLoss loss);
@@ -221,6 +223,8 @@ class Vehicle {
   void make_ready();
   [[nodiscard]] bool pose_for(const base::Ping& ping, base::Pose& pose, PingLoss& loss,
                               bool& wait) const;
+  [[nodiscard]] bool straightened(const base::Pose& head, PingLoss& loss);
+  [[nodiscard]] std::size_t port_of_head(std::uint16_t mount) const;
   [[nodiscard]] bool certain_enough(const base::Pose& pose) const;
   void lose(PingLoss loss);
   void keep_mapped(const base::Pose& pose);
@@ -255,6 +259,7 @@ class Vehicle {
   model::EchoDetectorConfig detector_[kMaxPorts] = {};
   DevicePort ports_[kMaxPorts];
   estimator::Navigator navigator_;
+  SoundPath sound_path_;
   PingQueue pending_;
   base::Ping ready_{};  ///< the oldest pending ping, its echo detected
   bool has_ready_ = false;
