@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Runs every libFuzzer target (tests/fuzz/fuzz_*.cpp) for a while, with ASan and UBSan.
 #
-# usage: toolchain/fuzz.sh [--seconds N] [--seed N] [TARGET...]
+# usage: toolchain/fuzz.sh [--seconds N | --total N] [--seed N] [TARGET...]
 #   --seconds N   per target (default 60)
+#   --total N     seconds for all of them together, at least 1 each
 #   --seed N      of libFuzzer (default 1; the same seed gives the same inputs)
 #   TARGET...     only these (default: all)
 #
@@ -12,13 +13,18 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 seconds=60
+total=
 seed=1
 targets=()
 while [ $# -gt 0 ]; do
   case $1 in
-    --seconds | --seed)
+    --seconds | --total | --seed)
       [ $# -ge 2 ] || usage_error "$1 wants a number"
-      if [ "$1" = --seconds ]; then seconds=$2; else seed=$2; fi
+      case $1 in
+        --seconds) seconds=$2 ;;
+        --total) total=$2 ;;
+        --seed) seed=$2 ;;
+      esac
       shift
       ;;
     -h | --help)
@@ -36,6 +42,10 @@ if [ ${#targets[@]} -eq 0 ]; then
   mapfile -t targets < <(stems "$root/tests/fuzz" 'fuzz_*.cpp')
 fi
 [ ${#targets[@]} -gt 0 ] || die "no fuzz targets in tests/fuzz"
+if [ -n "$total" ]; then
+  seconds=$((total / ${#targets[@]}))
+  [ "$seconds" -gt 0 ] || seconds=1
+fi
 configure_and_build fuzz "${targets[@]}"
 
 failed=()

@@ -89,8 +89,9 @@ std::string head_port_text(const Mission& mission, const HeadSpec& head, const s
   std::string text =
       "[[port]]\nuri = " + quoted(uri) + "\nmount = " + quoted(head.name) +
       "\nlatency_ms = " + tenths(head_latency_ms(mission, head)) +
-      // The whole transfer stands in the latency; what emulated heads send is energy.
-      "\nbyte_time_ns = 0\nintensity = \"energy\"\nmin_range_mm = " +
+      // Vehicle and emulator start in any order. The whole transfer stands in the latency; what
+      // emulated heads send is energy.
+      "\noptional = true\nbyte_time_ns = 0\nintensity = \"energy\"\nmin_range_mm = " +
       millimetres(head.min_range_m) + "\nmax_range_mm = " + millimetres(head.max_range_m) +
       "\ninterval_ms = " + number_text(std::floor(head.interval_s * 1e3 + 0.5)) + "\n";
   if (head.kind == HeadKind::kPing1d) {
@@ -104,7 +105,8 @@ std::string head_port_text(const Mission& mission, const HeadSpec& head, const s
 }
 
 std::string nmea_port_text(const std::string& uri, std::int64_t latency_us, int bytes) {
-  return "[[port]]\nuri = " + quoted(uri) + "\ndriver = \"nmea\"\nbyte_time_ns = 0\nlatency_ms = " +
+  return "[[port]]\nuri = " + quoted(uri) +
+         "\ndriver = \"nmea\"\noptional = true\nbyte_time_ns = 0\nlatency_ms = " +
          tenths(static_cast<double>(latency_us) * 1e-3 + transfer_ms(bytes)) + "\n";
 }
 

@@ -35,7 +35,10 @@ void check_ports(const VehicleFile& file) {
   for (int i = 0; i < config.port_count; ++i) {
     const auto& port = config.ports[i];
     require(port.driver != Driver::kNone, "a driver for each port");
-    require(port.mount < config.mount_count, "mounts that exist");
+    const bool head = leadline::firmware::is_head(port.driver);
+    require(port.mount < config.mount_count || (!head && port.mount == leadline::firmware::kNoMount),
+            "mounts that exist");
+    require(!head || config.mounts[port.mount].table < config.table_count, "tables of heads");
     require(port.latency_us >= -1'000'000 && port.latency_us <= 10'000'000, "latency");
     if (!leadline::firmware::is_head(port.driver)) {
       continue;
