@@ -116,7 +116,7 @@ struct SwitchKey {
   DriverSet drivers;
 };
 
-constexpr std::array<SwitchKey, 22> kSwitchKeys{{
+constexpr std::array<SwitchKey, 23> kSwitchKeys{{
     {"clockwise", firmware::kPortOtherSense, true, kScanners},
     {"positive_to_port", firmware::kPortOtherSense, true, of(Driver::kCerulean)},
     {"positive_to_starboard", firmware::kPortOtherSense, true, of(Driver::kDeltat83p)},
@@ -142,6 +142,7 @@ constexpr std::array<SwitchKey, 22> kSwitchKeys{{
     {"euler_angles", firmware::kPortEulerAngles, false, of(Driver::kTss1, Driver::kPd0)},
     {"other_axes", firmware::kPortOtherAxes, false, of(Driver::kXsens, Driver::kWldvl)},
     {"check_status", firmware::kPortIgnoreStatus, true, of(Driver::kXsens, Driver::kTrax)},
+    {"send", firmware::kPortSend, false, of(Driver::kMavlink)},
     {"profile", 0, false, of(Driver::kPing1d, Driver::kCerulean, Driver::kImagenex)},
 }};
 

@@ -36,6 +36,7 @@ enum PortSwitch : std::uint16_t {
   kPortOtherAxes = 1U << 9U,        ///< the sensor's axes are not those of its habit
   kPortIgnoreStatus = 1U << 10U,    ///< take what the sensor calls not valid
   kPortUsePressure = 1U << 11U,     ///< the pressure is that of the water
+  kPortSend = 1U << 15U,            ///< tell the autopilot what is below and around
 };
 
 /// What a head's intensities are. The echo detector compares energies.

@@ -46,8 +46,7 @@ void set_direction(Ping& ping, const Vector3& v) {
       model::beam_frame({}, ping.azimuth_bam32, ping.elevation_bam32, ping.rotation_bam32).along;
   ping.azimuth_bam32 = base::atan2_bam32(v[1], v[0]);
   ping.elevation_bam32 = base::atan2_bam32(v[2], level_part(v));
-  const model::BeamFrame plain =
-      model::beam_frame({}, ping.azimuth_bam32, ping.elevation_bam32, 0);
+  const model::BeamFrame plain = model::beam_frame({}, ping.azimuth_bam32, ping.elevation_bam32, 0);
   ping.rotation_bam32 =
       base::atan2_bam32(dot_q60(along, plain.across), dot_q60(along, plain.along));
 }
@@ -153,8 +152,7 @@ bool SoundPath::bend(Ping& ping, const Pose& head, std::int32_t told_mm_s) const
   launch.from_down_bam32 = base::atan2_bam32(level, up ? -world[2] : world[2]);
   launch.two_way_ns = base::divide_rounded(ping.range_um * 2'000'000, told_mm_s);
   if (base::cos_q30(launch.from_down_bam32) < base::kOne_q30 / 10) {
-    ping.range_um =
-        scaled_range_um(ping.range_um, told_mm_s, profile_.speed_at_mm_s(depth_um));
+    ping.range_um = scaled_range_um(ping.range_um, told_mm_s, profile_.speed_at_mm_s(depth_um));
     return true;
   }
   const Result<estimator::RayEnd> end = trace_ray(up ? mirrored_ : profile_, launch);

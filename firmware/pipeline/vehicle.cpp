@@ -205,6 +205,7 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   tick_ = 0;
   pending_.clear();
   has_ready_ = false;
+  autopilot_.configure(config_);
   const TileId tile_count = model_.grid().tile_count();
   stale_.reset(tile_count);
   unsent_.reset(tile_count);
@@ -252,8 +253,10 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   send_deltas();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
   for (int port = 0; port < config_.port_count; ++port) {
-    const std::size_t size =
-        ports_[port].request(now_us_, requests_[port].data(), requests_[port].size());
+    auto& bytes = requests_[port];
+    std::size_t size = ports_[port].request(now_us_, bytes.data(), bytes.size());
+    size += autopilot_.send(static_cast<std::size_t>(port), now_us_, bytes.data() + size,
+                            bytes.size() - size);
     output.device_requests[port] = OutputSpan{requests_[port].data(), size};
   }
   count_levels();
@@ -398,9 +401,14 @@ void Vehicle::make_ready() {
   }
   has_ready_ = true;
   ready_ = pending_.front();
-  if (ready_.kind != ReturnKind::kProfile) {
-    return;
+  if (ready_.kind == ReturnKind::kProfile) {
+    find_echo();
   }
+  autopilot_.take(ready_);
+}
+
+// The profile of the ready ping becomes its first return, or none.
+void Vehicle::find_echo() {
   const std::size_t port = port_of_head(ready_.mount);
   base::RangeProfile profile = ready_.profile;
   if (profile.intensity != nullptr) {
@@ -578,6 +586,7 @@ void Vehicle::count_levels() {
   counters_.pings_pending = static_cast<std::uint32_t>(pending_.size());
   counters_.tiles_stale = static_cast<std::uint32_t>(stale_.size());
   counters_.tiles_unsent = static_cast<std::uint32_t>(unsent_.size());
+  counters_.autopilot_frames = autopilot_.frames();
   counters_.downlink_bytes = downlink_.total_bytes();
   counters_.downlink_frames = downlink_.total_frames();
 }

@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "estimator/navigator.hpp"
+#include "firmware/pipeline/autopilot_feed.hpp"
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
 #include "firmware/pipeline/downlink.hpp"
@@ -108,6 +109,7 @@ struct VehicleCounters {
   std::uint64_t profiles_detected;    ///< profiles with an echo
   std::uint64_t profiles_undetected;  ///< without: mapped as no return
   std::uint64_t nav_samples;
+  std::uint64_t autopilot_frames;  ///< of autopilot_feed.hpp, in device_requests
   std::uint64_t tiles_extracted;
   std::uint64_t tile_deltas;    ///< frames of tile deltas
   std::uint64_t delta_bytes;    ///< in them, framing included
@@ -221,6 +223,7 @@ class Vehicle {
   void resend(const proto::ResendRequest& request);
   void map_pings();
   void make_ready();
+  void find_echo();
   [[nodiscard]] bool pose_for(const base::Ping& ping, base::Pose& pose, PingLoss& loss,
                               bool& wait) const;
   [[nodiscard]] bool straightened(const base::Pose& head, PingLoss& loss);
@@ -260,6 +263,7 @@ class Vehicle {
   DevicePort ports_[kMaxPorts];
   estimator::Navigator navigator_;
   SoundPath sound_path_;
+  AutopilotFeed autopilot_;
   PingQueue pending_;
   base::Ping ready_{};  ///< the oldest pending ping, its echo detected
   bool has_ready_ = false;

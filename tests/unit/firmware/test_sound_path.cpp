@@ -283,8 +283,8 @@ TEST(beams_without_an_echo_are_turned_and_keep_their_range) {
   assert_true(path_of(water_of(0.0)).straighten(ping, pose_at(0, 0, 5), ArrayFace::kDown));
   assert_int_equal(ping.range_um, range_um);
   const Point end = end_of(ping, pose_at(0, 0, 0));
-  assert_true(std::fabs(end.east_m / (1e-6 * static_cast<double>(range_um)) -
-                        0.5 * 1500 / 1450) < 1e-5);
+  assert_true(std::fabs(end.east_m / (1e-6 * static_cast<double>(range_um)) - 0.5 * 1500 / 1450) <
+              1e-5);
 }
 
 TEST(impossible_water_and_pings_are_refused) {
@@ -359,7 +359,8 @@ Bottom mapped_bottom(VehicleConfig config, double true_gradient) {
           const double east_m = 1e-6 * static_cast<double>(mapped.pose.position_um[1]);
           const double north_m = 1e-6 * static_cast<double>(mapped.pose.position_um[0]);
           const double across_m = std::hypot(end.north_m - north_m, end.east_m - east_m);
-          const double below_m = end.depth_m - 1e-6 * static_cast<double>(mapped.pose.position_um[2]);
+          const double below_m =
+              end.depth_m - 1e-6 * static_cast<double>(mapped.pose.position_um[2]);
           if (across_m > 25.0) {
             bottom.outer_m += below_m;
             ++bottom.outer_count;
@@ -387,8 +388,9 @@ TEST(the_vehicle_maps_a_flat_bottom_through_its_profile) {
   const double right_m = curl_m(config, -1.0);
   config.water = water_of(1.0).water;
   const double wrong_m = curl_m(config, -1.0);
-  print_message("curl of the outer beams: %.3f m without, %.3f m with, %.3f m with the wrong sign\n",
-                plain_m, right_m, wrong_m);
+  print_message(
+      "curl of the outer beams: %.3f m without, %.3f m with, %.3f m with the wrong sign\n", plain_m,
+      right_m, wrong_m);
   assert_true(std::fabs(plain_m) > 0.1);
   assert_true(std::fabs(right_m) < 0.01);
   assert_true(std::fabs(wrong_m) > 1.5 * std::fabs(plain_m));

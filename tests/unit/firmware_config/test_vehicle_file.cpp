@@ -302,6 +302,7 @@ TEST(the_example_is_good_and_shows_every_key) {
   // Defaults shown are defaults taken: without the keys that have none the two are the same.
   VehicleFile same = complete;
   same.frame = file.frame;
+  same.config.water = file.config.water;
   same.ranges.detect_range_mm = file.ranges.detect_range_mm;
   assert_string_equal(vehicle_file_to_toml(same).c_str(), vehicle_file_to_toml(file).c_str());
   // And nothing is missing: what is not in the example is named by nobody.
