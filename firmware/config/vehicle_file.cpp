@@ -26,9 +26,12 @@ std::vector<KnownTable> known_tables() {
   for (const char* const key :
        {"magnetic_variation_deg", "surface_pressure_pa", "water_density_kg_m3", "gravity_m_s2",
         "sigma_fix_mm", "sigma_depth_mm", "sigma_attitude_deg", "sigma_heading_deg",
-        "acceleration_mm_s2", "angular_acceleration_deg_s2", "max_gap_ms", "max_wait_ms"}) {
+        "acceleration_mm_s2", "angular_acceleration_deg_s2", "max_gap_ms", "max_wait_ms", "tide_m",
+        "tide_file"}) {
     navigation.emplace_back(key);
   }
+  std::vector<std::string> sonar = sonar_range_keys();
+  sonar.emplace_back("sound_speed_known");
   return {
       {"",
        {"schema_version", "survey", "grid", "sonar", "navigation", "model", "frame", "cycle",
@@ -36,7 +39,7 @@ std::vector<KnownTable> known_tables() {
        false},
       {"survey", {"id", "name"}, false},
       {"grid", grid_keys(), false},
-      {"sonar", sonar_range_keys(), false},
+      {"sonar", sonar, false},
       {"navigation", navigation, false},
       {"model", model_keys(), false},
       {"frame", frame_keys(), false},
@@ -138,7 +141,10 @@ void read_sound_speed_point(const TomlSection& section, firmware::WaterConfig* w
 
 void read_sound_speeds(TomlReader* reader, VehicleFile* file) {
   firmware::WaterConfig& water = file->config.water;
-  water.speed_known = reader->section("sonar").has("sound_speed_mm_s") ? 1 : 0;
+  const TomlSection sonar = reader->section("sonar");
+  bool known = sonar.has("sound_speed_mm_s");
+  sonar.read_bool("sound_speed_known", &known);
+  water.speed_known = known ? 1 : 0;
   const std::vector<TomlSection> sections = reader->sections("sound_speed");
   if (sections.empty() ||
       !check_count(reader, "sound_speed", sections.size(), firmware::kMaxSoundSpeedPoints)) {
@@ -149,7 +155,21 @@ void read_sound_speeds(TomlReader* reader, VehicleFile* file) {
   }
 }
 
-void read_navigation(TomlReader* reader, VehicleFile* file) {
+void read_tide(const TomlSection& section, const std::string& base_dir, VehicleFile* file) {
+  firmware::WaterConfig& water = file->config.water;
+  std::int32_t tide_mm = 0;
+  read_scaled(section, "tide_m", {-100, 100}, 1e3, &tide_mm);
+  if (tide_mm != 0) {
+    water.tide_count = 1;
+    water.tide[0] = {0, tide_mm};
+  }
+  section.read_path("tide_file", base_dir, &file->tide_path);
+  if (section.has("tide_m") && section.has("tide_file")) {
+    section.find("tide_file", "tide_m and tide_file say the same: give one of them");
+  }
+}
+
+void read_navigation(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
   read_navigation_sigmas(reader, &file->sigmas);
   const TomlSection section = reader->section("navigation");
   firmware::NavigationConfig& navigation = file->config.navigation;
@@ -174,6 +194,7 @@ void read_navigation(TomlReader* reader, VehicleFile* file) {
              &navigation.angular_acceleration_urad_s2);
   read_scaled(section, "max_gap_ms", {1, 60'000}, 1e3, &navigation.max_gap_us);
   read_scaled(section, "max_wait_ms", {0, 10'000}, 1e3, &navigation.max_wait_us);
+  read_tide(section, base_dir, file);
 }
 
 void read_frame_of_vehicle(TomlReader* reader, VehicleFile* file) {
@@ -373,9 +394,8 @@ void add_survey(const VehicleFile& file, EntryList* list) {
   if (file.ranges.detect_range_mm) {
     list->integer("detect_range_mm", *file.ranges.detect_range_mm);
   }
-  if (file.config.water.speed_known != 0) {
-    list->integer("sound_speed_mm_s", file.ranges.sound_speed_mm_s);
-  }
+  list->integer("sound_speed_mm_s", file.ranges.sound_speed_mm_s);
+  list->flag("sound_speed_known", file.config.water.speed_known != 0);
   for (int i = 0; i < file.config.water.point_count; ++i) {
     const firmware::SoundSpeedEntry& point = file.config.water.points[i];
     list->in("sound_speed", i);
@@ -403,6 +423,12 @@ void add_navigation(const VehicleFile& file, EntryList* list) {
                kUradPerDegree);
   list->scaled("max_gap_ms", navigation.max_gap_us, 1e3);
   list->scaled("max_wait_ms", navigation.max_wait_us, 1e3);
+  if (file.tide_path.empty()) {
+    const firmware::WaterConfig& water = file.config.water;
+    list->scaled("tide_m", water.tide_count != 0 ? water.tide[0].height_mm : 0, 1e3);
+  } else {
+    list->text("tide_file", file.tide_path);
+  }
 }
 
 void add_model(const VehicleFile& file, EntryList* list) {
@@ -486,7 +512,7 @@ VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
   read_sonar_ranges(&reader, file.grid, &file.ranges);
   check_sound_speed(&reader, file.ranges);
   read_sound_speeds(&reader, &file);
-  read_navigation(&reader, &file);
+  read_navigation(&reader, base_dir, &file);
   file.model = read_model(&reader);
   read_frame_of_vehicle(&reader, &file);
   default_gravity(&reader, &file);

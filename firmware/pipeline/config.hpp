@@ -106,13 +106,22 @@ struct SoundSpeedEntry {
   std::int32_t speed_mm_s;
 };
 
-/// What is known of the water (sound_path.hpp).
+inline constexpr int kMaxTidePoints = 64;
+
+struct TidePoint {
+  base::TimeUs t_us;  ///< of the vehicle
+  std::int32_t height_mm;
+};
+
+/// What is known of the water (sound_path.hpp, water_level.hpp).
 struct WaterConfig {
   /// 1: VehicleConfig::sound_speed_mm_s is that of the water, and lengths that a head made with another
   /// speed are made anew; 0: it is a default, and a head that states a speed knows better.
   std::uint16_t speed_known;
   std::uint16_t point_count;  ///< 0: the same speed everywhere
   SoundSpeedEntry points[kMaxSoundSpeedPoints];
+  std::uint16_t tide_count;  ///< 0: the zero of depth is the surface
+  TidePoint tide[kMaxTidePoints];
 };
 
 struct LinkConfig {

@@ -134,6 +134,11 @@ void walk_water(Visit& visit, WaterConfig& water) {
     visit(point.depth_mm);
     visit(point.speed_mm_s);
   }
+  visit(water.tide_count);
+  for (TidePoint& point : water.tide) {
+    visit(point.t_us);
+    visit(point.height_mm);
+  }
 }
 
 template <typename Visit>

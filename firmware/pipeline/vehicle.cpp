@@ -6,6 +6,7 @@
 #include "firmware/pipeline/config_codec.hpp"
 #include "firmware/pipeline/intensity.hpp"
 #include "firmware/pipeline/mount_pose.hpp"
+#include "firmware/pipeline/water_level.hpp"
 #include "model/base/crc32c.hpp"
 #include "model/base/fixed.hpp"
 
@@ -120,7 +121,7 @@ Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) {
   if (config.port_count > kMaxPorts || config.mount_count > kMaxMounts || config.table_count < 1 ||
       config.table_count > kMaxTables || config.cycle_tile_budget < 1 ||
       !within(config.sound_speed_mm_s, kSlowestSound_mm_s, kFastestSound_mm_s) ||
-      !link_sound(config.link) || config.navigation.max_wait_us < 0) {
+      !tide_sound(config.water) || !link_sound(config.link) || config.navigation.max_wait_us < 0) {
     return Status::kOutOfRange;
   }
   if (table_count != config.table_count) {
@@ -356,6 +357,7 @@ void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std
         take_ping(record.ping);
       } else {
         ++counters_.nav_samples;
+        navigator_.set_water_level(water_level_um(config_.water, record.sample.t_us));
         navigator_.take(record.sample, sensor_mount(config_, port));
       }
     }
@@ -469,7 +471,9 @@ bool Vehicle::pose_for(const Ping& ping, Pose& pose, PingLoss& loss, bool& wait)
 bool Vehicle::straightened(const Pose& head, PingLoss& loss) {
   loss = PingLoss::kNoPath;
   const Driver driver = config_.ports[port_of_head(ready_.mount)].driver;
-  return sound_path_.straighten(ready_, head, array_face(driver));
+  Pose below_surface = head;
+  below_surface.position_um[base::kDown] += water_level_um(config_.water, head.t_us);
+  return sound_path_.straighten(ready_, below_surface, array_face(driver));
 }
 
 // A footprint of kMaxFootprintCells holds 2.2 sigma: what is less certain than that would be cut, and said

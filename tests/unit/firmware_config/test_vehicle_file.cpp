@@ -102,6 +102,10 @@ TEST(the_water_is_read) {
   const VehicleFile known = parse("[sonar]\nsound_speed_mm_s = 1500000\n" + kSmallest);
   assert_int_equal(known.config.water.speed_known, 1);
   assert_int_equal(parse(vehicle_file_to_toml(known)).config.water.speed_known, 1);
+  const VehicleFile guessed =
+      parse("[sonar]\nsound_speed_mm_s = 1480000\nsound_speed_known = false\n" + kSmallest);
+  assert_int_equal(guessed.config.water.speed_known, 0);
+  assert_int_equal(guessed.config.sound_speed_mm_s, 1'480'000);
 
   assert_contains(error_of(kSmallest + points + "[[sound_speed]]\ndepth_m = 20\nspeed_m_s = 1\n"),
                   "depth_m = 20: has to be below the point before it");
@@ -113,6 +117,37 @@ TEST(the_water_is_read) {
     many += "[[sound_speed]]\ndepth_m = " + std::to_string(i) + "\nspeed_m_s = 1500\n";
   }
   assert_contains(error_of(many), "33 of them, at most 32");
+}
+
+TEST(a_tide_is_a_height_or_a_file) {
+  const std::string navigation = kSmallest + "[navigation]\n";
+  const VehicleFile high = parse(navigation + "tide_m = -1.25\n");
+  assert_int_equal(high.config.water.tide_count, 1);
+  assert_int_equal(high.config.water.tide[0].height_mm, -1250);
+  assert_int_equal(parse(vehicle_file_to_toml(high)).config.water.tide[0].height_mm, -1250);
+  const VehicleFile from_file =
+      parse_vehicle_file(navigation + "tide_file = \"pier.csv\"\n", "v.toml", "/survey");
+  assert_string_equal(from_file.tide_path.c_str(), "/survey/pier.csv");
+  assert_int_equal(from_file.config.water.tide_count, 0);
+  assert_string_equal(parse(vehicle_file_to_toml(from_file)).tide_path.c_str(), "/survey/pier.csv");
+  assert_int_equal(parse(kSmallest).config.water.tide_count, 0);
+  assert_contains(error_of(navigation + "tide_m = 0\ntide_file = \"pier.csv\"\n"),
+                  "give one of them");
+  assert_contains(error_of(navigation + "tide_m = 101\n"), "tide_m = 101");
+}
+
+TEST(an_autopilot_is_told_where_the_port_says_so) {
+  const std::string port = "[[port]]\nuri = \"udp:@:14550\"\ndriver = \"mavlink\"\n";
+  const auto sends = [](const VehicleFile& file) {
+    return (file.config.ports[1].switches & leadline::firmware::kPortSend) != 0;
+  };
+  assert_false(sends(parse(kSmallest + port)));
+  const VehicleFile file = parse(kSmallest + port + "send = true\n");
+  assert_true(sends(file));
+  assert_true(sends(parse(vehicle_file_to_toml(file))));
+  assert_contains(
+      error_of(kSmallest + "[[port]]\nuri = \"udp:@:1\"\ndriver = \"nmea\"\nsend = true\n"),
+      "driver \"nmea\" has no such key");
 }
 
 TEST(gravity_is_that_of_the_latitude) {
