@@ -114,6 +114,7 @@ Status Navigator::configure(const NavigatorConfig& config) {
   }
   config_ = config;
   plane_ = plane;
+  water_level_um_ = 0;
   has_candidate_ = false;
   convergence_bam32_ = 0;
   epoch_ = 0;
@@ -329,6 +330,7 @@ void Navigator::take_depth(const NavSample& sample, const LeverArm& lever) {
     depth_um = pressure_depth_um(sample.pressure_pa, config_.surface_pressure_pa,
                                  config_.water_density_g_m3, config_.gravity_um_s2);
   }
+  depth_um -= water_level_um_;
   if (!within(depth_um, base::kMaxVertical_um)) {
     ++counters_.out_of_range;
     return;

@@ -86,6 +86,9 @@ class Navigator {
   /// Rates turn the attitude until the next one, and make poses of their own in between.
   void take(const base::NavSample& sample, const SensorMount& mount = {});
 
+  /// Depths are taken to be below a surface that stands so high over the zero of down; 0 at first.
+  void set_water_level(std::int64_t level_um) { water_level_um_ = level_um; }
+
   /// To be called once per cycle: where no attitude comes, a pose without it (validity says so), so that
   /// what waits for poses goes on.
   void tick(base::TimeUs now_us);
@@ -143,6 +146,7 @@ class Navigator {
   base::TimeUs attitude_us_ = 0;  ///< newest roll and pitch
   bool attitude_known_ = false;
   base::Attitude attitude_{};
+  std::int64_t water_level_um_ = 0;
   std::int32_t convergence_bam32_ = 0;  ///< at the newest fix
   Rejects fix_rejects_;
   Rejects depth_rejects_;

@@ -117,7 +117,7 @@ struct SwitchKey {
   DriverSet drivers;
 };
 
-constexpr std::array<SwitchKey, 24> kSwitchKeys{{
+constexpr std::array<SwitchKey, 25> kSwitchKeys{{
     {"clockwise", firmware::kPortOtherSense, true, kScanners},
     {"positive_to_port", firmware::kPortOtherSense, true, of(Driver::kCerulean)},
     {"positive_to_starboard", firmware::kPortOtherSense, true, of(Driver::kDeltat83p)},
@@ -146,6 +146,7 @@ constexpr std::array<SwitchKey, 24> kSwitchKeys{{
     {"use_device_clock", firmware::kPortDeviceClock, false,
      of(Driver::kVectornav, Driver::kXsens, Driver::kWldvl, Driver::kMavlink)},
     {"watch_stuck", firmware::kPortWatchStuck, false, kEvery & ~kHeads},
+    {"send", firmware::kPortSend, false, of(Driver::kMavlink)},
     {"profile", 0, false, of(Driver::kPing1d, Driver::kCerulean, Driver::kImagenex)},
 }};
 

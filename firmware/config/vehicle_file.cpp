@@ -26,21 +26,25 @@ std::vector<KnownTable> known_tables() {
   for (const char* const key :
        {"magnetic_variation_deg", "surface_pressure_pa", "water_density_kg_m3", "gravity_m_s2",
         "sigma_fix_mm", "sigma_depth_mm", "sigma_attitude_deg", "sigma_heading_deg",
-        "acceleration_mm_s2", "angular_acceleration_deg_s2", "max_gap_ms", "max_wait_ms"}) {
+        "acceleration_mm_s2", "angular_acceleration_deg_s2", "max_gap_ms", "max_wait_ms", "tide_m",
+        "tide_file"}) {
     navigation.emplace_back(key);
   }
+  std::vector<std::string> sonar = sonar_range_keys();
+  sonar.emplace_back("sound_speed_known");
   return {
       {"",
        {"schema_version", "survey", "grid", "sonar", "navigation", "model", "frame", "cycle",
-        "mount", "port", "link", "log"},
+        "mount", "port", "link", "log", "sound_speed"},
        false},
       {"survey", {"id", "name"}, false},
       {"grid", grid_keys(), false},
-      {"sonar", sonar_range_keys(), false},
+      {"sonar", sonar, false},
       {"navigation", navigation, false},
       {"model", model_keys(), false},
       {"frame", frame_keys(), false},
       {"cycle", {"period_ms", "voxel_budget", "tile_budget", "ping_voxel_budget"}, false},
+      {"sound_speed", {"depth_m", "speed_m_s"}, true},
       {"mount", {"name", "lever_arm_mm", "boresight_deg", "table"}, true},
       {"port", port_keys(), true},
       {"link",
@@ -103,7 +107,69 @@ void check_sound_speed(TomlReader* reader, const SonarRanges& ranges) {
   }
 }
 
-void read_navigation(TomlReader* reader, VehicleFile* file) {
+/// How many of a [[table]] there are; too many and none are findings.
+bool check_count(TomlReader* reader, const char* name, std::size_t count, int most) {
+  if (count > static_cast<std::size_t>(most)) {
+    reader->find_missing("[[" + std::string(name) + "]]: " + std::to_string(count) +
+                         " of them, at most " + std::to_string(most) + " are possible");
+    return false;
+  }
+  const bool other =
+      count == 0 && reader->root().has(name);  // no [[table]]: found by the check of keys
+  if (count == 0 && !other) {
+    reader->find_missing("a table [[" + std::string(name) + "]] is missing");
+  }
+  return count > 0;
+}
+
+void read_sound_speed_point(const TomlSection& section, firmware::WaterConfig* water) {
+  for (const char* const key : {"depth_m", "speed_m_s"}) {
+    if (!section.has(key)) {
+      section.find_missing(std::string(key) + " is missing");
+    }
+  }
+  firmware::SoundSpeedEntry entry{};
+  read_scaled(section, "depth_m", {0, 12'000}, 1e3, &entry.depth_mm);
+  read_scaled(section, "speed_m_s", {1300, 1700}, 1e3, &entry.speed_mm_s);
+  if (water->point_count > 0 && section.has("depth_m") &&
+      entry.depth_mm <= water->points[water->point_count - 1].depth_mm) {
+    section.refuse("depth_m", "has to be below the point before it");
+  }
+  water->points[water->point_count] = entry;
+  ++water->point_count;
+}
+
+void read_sound_speeds(TomlReader* reader, VehicleFile* file) {
+  firmware::WaterConfig& water = file->config.water;
+  const TomlSection sonar = reader->section("sonar");
+  bool known = sonar.has("sound_speed_mm_s");
+  sonar.read_bool("sound_speed_known", &known);
+  water.speed_known = known ? 1 : 0;
+  const std::vector<TomlSection> sections = reader->sections("sound_speed");
+  if (sections.empty() ||
+      !check_count(reader, "sound_speed", sections.size(), firmware::kMaxSoundSpeedPoints)) {
+    return;
+  }
+  for (const TomlSection& section : sections) {
+    read_sound_speed_point(section, &water);
+  }
+}
+
+void read_tide(const TomlSection& section, const std::string& base_dir, VehicleFile* file) {
+  firmware::WaterConfig& water = file->config.water;
+  std::int32_t tide_mm = 0;
+  read_scaled(section, "tide_m", {-100, 100}, 1e3, &tide_mm);
+  if (tide_mm != 0) {
+    water.tide_count = 1;
+    water.tide[0] = {0, tide_mm};
+  }
+  section.read_path("tide_file", base_dir, &file->tide_path);
+  if (section.has("tide_m") && section.has("tide_file")) {
+    section.find("tide_file", "tide_m and tide_file say the same: give one of them");
+  }
+}
+
+void read_navigation(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
   read_navigation_sigmas(reader, &file->sigmas);
   const TomlSection section = reader->section("navigation");
   firmware::NavigationConfig& navigation = file->config.navigation;
@@ -128,6 +194,7 @@ void read_navigation(TomlReader* reader, VehicleFile* file) {
              &navigation.angular_acceleration_urad_s2);
   read_scaled(section, "max_gap_ms", {1, 60'000}, 1e3, &navigation.max_gap_us);
   read_scaled(section, "max_wait_ms", {0, 10'000}, 1e3, &navigation.max_wait_us);
+  read_tide(section, base_dir, file);
 }
 
 void read_frame_of_vehicle(TomlReader* reader, VehicleFile* file) {
@@ -144,6 +211,26 @@ void read_frame_of_vehicle(TomlReader* reader, VehicleFile* file) {
   navigation.has_origin = 1;
   navigation.origin_latitude_e9deg = std::llround(*frame.lat_deg * 1e9);
   navigation.origin_longitude_e9deg = std::llround(lon_deg * 1e9);
+}
+
+/// Normal gravity on the WGS 84 ellipsoid (Somigliana; NIMA TR8350.2, equation 4-1), micrometres per
+/// second squared: 9.7803 m/s^2 at the equator, 9.8322 at the poles.
+std::int32_t normal_gravity_um_s2(double latitude_deg) {
+  constexpr double kAtEquator_m_s2 = 9.7803253359;
+  constexpr double kSomigliana = 0.00193185265241;
+  constexpr double kEccentricity2 = 0.00669437999013;
+  const double sine = std::sin(latitude_deg * (kUradPerDegree * 1e-6));
+  const double square = sine * sine;
+  return static_cast<std::int32_t>(
+      std::llround(1e6 * kAtEquator_m_s2 * (1.0 + kSomigliana * square) /
+                   std::sqrt(1.0 - kEccentricity2 * square)));
+}
+
+/// Where the survey is known to be, its own gravity is the default.
+void default_gravity(TomlReader* reader, VehicleFile* file) {
+  if (file->frame.lat_deg && !reader->section("navigation").has("gravity_m_s2")) {
+    file->config.navigation.gravity_um_s2 = normal_gravity_um_s2(*file->frame.lat_deg);
+  }
 }
 
 void read_cycle(TomlReader* reader, VehicleFile* file) {
@@ -200,21 +287,6 @@ void read_mount(const TomlSection& section, const std::string& base_dir, Vehicle
   }
   file->config.mounts[file->mount_names.size()] = mount;
   file->mount_names.push_back(name);
-}
-
-/// How many of a [[table]] there are; too many and none are findings.
-bool check_count(TomlReader* reader, const char* name, std::size_t count, int most) {
-  if (count > static_cast<std::size_t>(most)) {
-    reader->find_missing("[[" + std::string(name) + "]]: " + std::to_string(count) +
-                         " of them, at most " + std::to_string(most) + " are possible");
-    return false;
-  }
-  const bool other =
-      count == 0 && reader->root().has(name);  // no [[table]]: found by the check of keys
-  if (count == 0 && !other) {
-    reader->find_missing("a table [[" + std::string(name) + "]] is missing");
-  }
-  return count > 0;
 }
 
 void read_mounts(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
@@ -323,6 +395,13 @@ void add_survey(const VehicleFile& file, EntryList* list) {
     list->integer("detect_range_mm", *file.ranges.detect_range_mm);
   }
   list->integer("sound_speed_mm_s", file.ranges.sound_speed_mm_s);
+  list->flag("sound_speed_known", file.config.water.speed_known != 0);
+  for (int i = 0; i < file.config.water.point_count; ++i) {
+    const firmware::SoundSpeedEntry& point = file.config.water.points[i];
+    list->in("sound_speed", i);
+    list->scaled("depth_m", point.depth_mm, 1e3);
+    list->scaled("speed_m_s", point.speed_mm_s, 1e3);
+  }
 }
 
 void add_navigation(const VehicleFile& file, EntryList* list) {
@@ -344,6 +423,12 @@ void add_navigation(const VehicleFile& file, EntryList* list) {
                kUradPerDegree);
   list->scaled("max_gap_ms", navigation.max_gap_us, 1e3);
   list->scaled("max_wait_ms", navigation.max_wait_us, 1e3);
+  if (file.tide_path.empty()) {
+    const firmware::WaterConfig& water = file.config.water;
+    list->scaled("tide_m", water.tide_count != 0 ? water.tide[0].height_mm : 0, 1e3);
+  } else {
+    list->text("tide_file", file.tide_path);
+  }
 }
 
 void add_model(const VehicleFile& file, EntryList* list) {
@@ -426,9 +511,11 @@ VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
   file.grid = read_grid(&reader);
   read_sonar_ranges(&reader, file.grid, &file.ranges);
   check_sound_speed(&reader, file.ranges);
-  read_navigation(&reader, &file);
+  read_sound_speeds(&reader, &file);
+  read_navigation(&reader, base_dir, &file);
   file.model = read_model(&reader);
   read_frame_of_vehicle(&reader, &file);
+  default_gravity(&reader, &file);
   read_cycle(&reader, &file);
   read_mounts(&reader, base_dir, &file);
   read_ports(&reader, &file);

@@ -38,6 +38,7 @@ struct VehicleFile {
   bool link_optional = false;            ///< [link] optional; the same for the link
   std::vector<std::string> mount_names;  ///< parallel to config.mounts
   std::vector<std::string> table_paths;  ///< parallel to table numbers; resolved
+  std::string tide_path;                 ///< [navigation] tide_file; see tide_file.hpp. "": none
   LogConfig log;
   std::int32_t cycle_us = 20'000;       ///< [cycle] period_ms; 1 .. 1000, default 20
   std::uint32_t ping_voxel_budget = 0;  ///< [cycle]; config.model.work_budget_voxels

@@ -11,6 +11,7 @@
 
 #include "firmware/config/program.hpp"
 #include "firmware/config/text.hpp"
+#include "firmware/config/tide_file.hpp"
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/linux/check_config.hpp"
 #include "firmware/linux/monotonic.hpp"
@@ -200,6 +201,10 @@ int run(const Options& options, bool log_given) {
     return 0;
   }
   VehicleFile file = resolve(options, log_given);
+  // Under the virtual clock the vehicle's time is taken for UTC.
+  const bool real = lockstep_path(options.clock).empty();
+  const std::int64_t now_us = real ? leadline::host::monotonic_us() : 0;
+  leadline::host::load_tide(&file, real ? leadline::host::utc_us() - now_us : 0, now_us);
   if (!options.check_config) {
     return fly(file, options);
   }

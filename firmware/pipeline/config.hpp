@@ -38,6 +38,7 @@ enum PortSwitch : std::uint16_t {
   kPortUsePressure = 1U << 11U,     ///< the pressure is that of the water
   kPortDeviceClock = 1U << 12U,     ///< samples count at the sensor's own clock, once that is sure
   kPortWatchStuck = 1U << 13U,      ///< of equal samples in a row the 100th and on are not fused
+  kPortSend = 1U << 15U,            ///< tell the autopilot what is below and around
 };
 
 /// What a head's intensities are. The echo detector compares energies.
@@ -100,6 +101,31 @@ struct NavigationConfig {
   std::int32_t max_wait_us;                   ///< a ping waits this long for a pose behind it
 };
 
+inline constexpr int kMaxSoundSpeedPoints = 32;
+
+struct SoundSpeedEntry {
+  std::int32_t depth_mm;  ///< below the surface, strictly increasing
+  std::int32_t speed_mm_s;
+};
+
+inline constexpr int kMaxTidePoints = 64;
+
+struct TidePoint {
+  base::TimeUs t_us;  ///< of the vehicle
+  std::int32_t height_mm;
+};
+
+/// What is known of the water (sound_path.hpp, water_level.hpp).
+struct WaterConfig {
+  /// 1: VehicleConfig::sound_speed_mm_s is that of the water, and lengths that a head made with another
+  /// speed are made anew; 0: it is a default, and a head that states a speed knows better.
+  std::uint16_t speed_known;
+  std::uint16_t point_count;  ///< 0: the same speed everywhere
+  SoundSpeedEntry points[kMaxSoundSpeedPoints];
+  std::uint16_t tide_count;  ///< 0: the zero of depth is the surface
+  TidePoint tide[kMaxTidePoints];
+};
+
 struct LinkConfig {
   std::uint32_t rate_bytes_s;  ///< budget, framing included
   std::uint16_t mtu_bytes;     ///< largest frame on the wire, 128 .. 1400
@@ -128,6 +154,7 @@ struct VehicleConfig {
   PortConfig ports[kMaxPorts];
   MountConfig mounts[kMaxMounts];
   NavigationConfig navigation;
+  WaterConfig water;
   LinkConfig link;
   /// Differs whenever the vehicle starts over with an empty map: the program takes it from the clock of the
   /// day or a counter. Part of every frame's tag, and of the log.

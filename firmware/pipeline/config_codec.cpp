@@ -127,6 +127,21 @@ void walk_navigation(Visit& visit, NavigationConfig& navigation) {
 }
 
 template <typename Visit>
+void walk_water(Visit& visit, WaterConfig& water) {
+  visit(water.speed_known);
+  visit(water.point_count);
+  for (SoundSpeedEntry& point : water.points) {
+    visit(point.depth_mm);
+    visit(point.speed_mm_s);
+  }
+  visit(water.tide_count);
+  for (TidePoint& point : water.tide) {
+    visit(point.t_us);
+    visit(point.height_mm);
+  }
+}
+
+template <typename Visit>
 void walk(Visit& visit, VehicleConfig& config) {
   visit(config.schema_version);
   visit(config.port_count);
@@ -145,6 +160,7 @@ void walk(Visit& visit, VehicleConfig& config) {
     walk_mount(visit, mount);
   }
   walk_navigation(visit, config.navigation);
+  walk_water(visit, config.water);
   visit(config.link.rate_bytes_s);
   visit(config.link.mtu_bytes);
   visit(config.link.status_interval_us);

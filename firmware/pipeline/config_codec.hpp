@@ -13,7 +13,7 @@ namespace leadline::firmware {
 /// Size of every blob of this version.
 [[nodiscard]] std::size_t config_blob_bytes();
 /// At least config_blob_bytes(), for buffers.
-inline constexpr std::size_t kMaxConfigBlob_bytes = 1536;
+inline constexpr std::size_t kMaxConfigBlob_bytes = 3072;
 
 /// Bytes written; kFull when `capacity_bytes` is too small, nothing written. Values are not checked:
 /// Vehicle::configure() does that. O(bytes).

@@ -224,6 +224,9 @@ hal::Nmea2000Config nmea2000_config(const PortConfig& port, const DeviceSetup& /
 hal::MavlinkConfig mavlink_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
   hal::MavlinkConfig sensor;
   sensor.take = hal::kTakeArduSub;
+  if (has(port, kPortSend)) {
+    sensor.take &= ~hal::kTakeDistance;  // an autopilot passes on what it was sent: our own echo
+  }
   set(sensor.system, port.address, port.address != 0);
   sensor.heading_true = !has(port, kPortOtherNorth);
   sensor.byte_time_ns = port.byte_time_ns;

@@ -38,10 +38,19 @@ enum class DriverKind : std::uint8_t {
   kSensor = 1,  ///< attitude, position, depth, speed: its records are base::NavSample
 };
 
+/// Face of an array that forms its beams by phase, in the mount's frame. Phases fix the direction for the
+/// speed of sound that the head reckons with: another one turns the beam (sound_path.hpp).
+enum class ArrayFace : std::uint8_t {
+  kNone = 0,     ///< a beam as the head points: nothing turns it
+  kDown = 1,     ///< looks down: steered across
+  kForward = 2,  ///< looks ahead: steered both ways
+};
+
 struct DriverInfo {
-  Driver driver;
-  const char* name;  ///< in vehicle.toml, on command lines, in reports
-  DriverKind kind;
+  Driver driver = Driver::kNone;
+  const char* name = "none";  ///< in vehicle.toml, on command lines, in reports
+  DriverKind kind = DriverKind::kSensor;
+  ArrayFace face = ArrayFace::kNone;
 };
 
 /// In the order of their numbers, kNone left out.
@@ -49,13 +58,13 @@ inline constexpr std::array<DriverInfo, kLastDriver> kDrivers{{
     {Driver::kPing1d, "ping1d", DriverKind::kHead},
     {Driver::kPing360, "ping360", DriverKind::kHead},
     {Driver::kNmea, "nmea", DriverKind::kSensor},
-    {Driver::kCerulean, "cerulean", DriverKind::kHead},
+    {Driver::kCerulean, "cerulean", DriverKind::kHead, ArrayFace::kDown},
     {Driver::kImagenex, "imagenex", DriverKind::kHead},
-    {Driver::kDeltat83p, "deltat83p", DriverKind::kHead},
+    {Driver::kDeltat83p, "deltat83p", DriverKind::kHead, ArrayFace::kDown},
     {Driver::kTritech, "tritech", DriverKind::kHead},
-    {Driver::kR2sonic, "r2sonic", DriverKind::kHead},
-    {Driver::kKongsberg, "kongsberg", DriverKind::kHead},
-    {Driver::kWl3d, "wl3d", DriverKind::kHead},
+    {Driver::kR2sonic, "r2sonic", DriverKind::kHead, ArrayFace::kDown},
+    {Driver::kKongsberg, "kongsberg", DriverKind::kHead, ArrayFace::kDown},
+    {Driver::kWl3d, "wl3d", DriverKind::kHead, ArrayFace::kForward},
     {Driver::kTss1, "tss1", DriverKind::kSensor},
     {Driver::kVectornav, "vectornav", DriverKind::kSensor},
     {Driver::kXsens, "xsens", DriverKind::kSensor},
@@ -76,6 +85,13 @@ constexpr bool numbered_in_order() {
   }
   return true;
 }
+// By index, not by pointer: under a sanitizer g++ 12 takes no pointer to a constant for a constant.
+constexpr bool known(Driver driver) {
+  return driver != Driver::kNone && static_cast<std::size_t>(driver) <= kDrivers.size();
+}
+constexpr const DriverInfo& row_of(Driver driver) {
+  return kDrivers[static_cast<std::size_t>(driver) - 1];
+}
 }  // namespace detail
 static_assert(detail::numbered_in_order(), "driver_info() looks a driver up by its number");
 
@@ -91,9 +107,12 @@ static_assert(detail::numbered_in_order(), "driver_info() looks a driver up by i
   return info != nullptr ? info->name : "none";
 }
 
+[[nodiscard]] constexpr ArrayFace array_face(Driver driver) {
+  return detail::known(driver) ? detail::row_of(driver).face : ArrayFace::kNone;
+}
+
 [[nodiscard]] constexpr bool is_head(Driver driver) {
-  const auto number = static_cast<std::size_t>(driver);
-  return number >= 1 && number <= kDrivers.size() && kDrivers[number - 1].kind == DriverKind::kHead;
+  return detail::known(driver) && detail::row_of(driver).kind == DriverKind::kHead;
 }
 
 }  // namespace leadline::firmware

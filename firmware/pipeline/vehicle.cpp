@@ -6,6 +6,7 @@
 #include "firmware/pipeline/config_codec.hpp"
 #include "firmware/pipeline/intensity.hpp"
 #include "firmware/pipeline/mount_pose.hpp"
+#include "firmware/pipeline/water_level.hpp"
 #include "model/base/crc32c.hpp"
 #include "model/base/fixed.hpp"
 
@@ -105,6 +106,8 @@ const char* ping_loss_name(PingLoss loss) {
       return "paused";
     case PingLoss::kBad:
       return "bad";
+    case PingLoss::kNoPath:
+      return "no_path";
     case PingLoss::kCount:
       break;
   }
@@ -118,7 +121,7 @@ Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) {
   if (config.port_count > kMaxPorts || config.mount_count > kMaxMounts || config.table_count < 1 ||
       config.table_count > kMaxTables || config.cycle_tile_budget < 1 ||
       !within(config.sound_speed_mm_s, kSlowestSound_mm_s, kFastestSound_mm_s) ||
-      !link_sound(config.link) || config.navigation.max_wait_us < 0) {
+      !tide_sound(config.water) || !link_sound(config.link) || config.navigation.max_wait_us < 0) {
     return Status::kOutOfRange;
   }
   if (table_count != config.table_count) {
@@ -177,6 +180,10 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   if (status != Status::kOk) {
     return status;
   }
+  status = sound_path_.configure(config_);
+  if (status != Status::kOk) {
+    return status;
+  }
   model::SensorConfig sensors[model::kMaxSensors] = {};
   for (std::size_t i = 0; i < table_count; ++i) {
     sensors[i] = {tables[i].bytes, tables[i].size_bytes, config.model.min_range_um,
@@ -199,6 +206,7 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   tick_ = 0;
   pending_.clear();
   has_ready_ = false;
+  autopilot_.configure(config_);
   const TileId tile_count = model_.grid().tile_count();
   stale_.reset(tile_count);
   unsent_.reset(tile_count);
@@ -248,8 +256,10 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   send_deltas();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
   for (int port = 0; port < config_.port_count; ++port) {
-    const std::size_t size =
-        ports_[port].request(now_us_, requests_[port].data(), requests_[port].size());
+    auto& bytes = requests_[port];
+    std::size_t size = ports_[port].request(now_us_, bytes.data(), bytes.size());
+    size += autopilot_.send(static_cast<std::size_t>(port), now_us_, bytes.data() + size,
+                            bytes.size() - size);
     output.device_requests[port] = OutputSpan{requests_[port].data(), size};
   }
   count_levels();
@@ -368,6 +378,7 @@ void Vehicle::take_sample(std::uint8_t port, base::NavSample& sample) {
   if (has_clock && sample.t_device_us != 0) {
     sample.t_us = clocks_[port].stamp(sample.t_device_us, sample.t_us);
   }
+  navigator_.set_water_level(water_level_um(config_.water, sample.t_us));
   navigator_.take(sample, sensor_mount(config_, port));
 }
 
@@ -392,6 +403,16 @@ void Vehicle::take_ping(const Ping& ping) {
 
 void Vehicle::lose(PingLoss loss) { ++counters_.pings_lost[static_cast<int>(loss)]; }
 
+// The port whose head sits on the mount.
+std::size_t Vehicle::port_of_head(std::uint16_t mount) const {
+  std::size_t port = 0;
+  while (port + 1 < static_cast<std::size_t>(config_.port_count) &&
+         !(is_head(config_.ports[port].driver) && config_.ports[port].mount == mount)) {
+    ++port;
+  }
+  return port;
+}
+
 // The oldest pending ping with its echo found: once, however long it waits.
 void Vehicle::make_ready() {
   if (has_ready_) {
@@ -399,14 +420,15 @@ void Vehicle::make_ready() {
   }
   has_ready_ = true;
   ready_ = pending_.front();
-  if (ready_.kind != ReturnKind::kProfile) {
-    return;
+  if (ready_.kind == ReturnKind::kProfile) {
+    find_echo();
   }
-  std::size_t port = 0;
-  while (port + 1 < static_cast<std::size_t>(config_.port_count) &&
-         !(is_head(config_.ports[port].driver) && config_.ports[port].mount == ready_.mount)) {
-    ++port;
-  }
+  autopilot_.take(ready_);
+}
+
+// The profile of the ready ping becomes its first return, or none.
+void Vehicle::find_echo() {
+  const std::size_t port = port_of_head(ready_.mount);
   base::RangeProfile profile = ready_.profile;
   if (profile.intensity != nullptr) {
     energies_of(profile, config_.ports[port].intensity_scale,
@@ -462,6 +484,15 @@ bool Vehicle::pose_for(const Ping& ping, Pose& pose, PingLoss& loss, bool& wait)
   return true;
 }
 
+// The ready ping along the straight line to where its sound went.
+bool Vehicle::straightened(const Pose& head, PingLoss& loss) {
+  loss = PingLoss::kNoPath;
+  const Driver driver = config_.ports[port_of_head(ready_.mount)].driver;
+  Pose below_surface = head;
+  below_surface.position_um[base::kDown] += water_level_um(config_.water, head.t_us);
+  return sound_path_.straighten(ready_, below_surface, array_face(driver));
+}
+
 // A footprint of kMaxFootprintCells holds 2.2 sigma: what is less certain than that would be cut, and said
 // to lie where nobody knows that it does.
 bool Vehicle::certain_enough(const Pose& pose) const {
@@ -495,7 +526,7 @@ void Vehicle::map_pings() {
     Pose pose{};
     PingLoss loss = PingLoss::kNoPose;
     bool wait = false;
-    if (pose_for(ready_, pose, loss, wait)) {
+    if (pose_for(ready_, pose, loss, wait) && straightened(pose, loss)) {
       static_cast<void>(model_.integrate(ready_, pose, config_.mounts[ready_.mount].table));
       keep_mapped(pose);
       ++counters_.pings_mapped;
@@ -576,6 +607,7 @@ void Vehicle::count_levels() {
   counters_.pings_pending = static_cast<std::uint32_t>(pending_.size());
   counters_.tiles_stale = static_cast<std::uint32_t>(stale_.size());
   counters_.tiles_unsent = static_cast<std::uint32_t>(unsent_.size());
+  counters_.autopilot_frames = autopilot_.frames();
   counters_.downlink_bytes = downlink_.total_bytes();
   counters_.downlink_frames = downlink_.total_frames();
 }

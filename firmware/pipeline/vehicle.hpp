@@ -12,12 +12,14 @@
 #include "estimator/clock_sync.hpp"
 #include "estimator/navigator.hpp"
 #include "estimator/stuck_watch.hpp"
+#include "firmware/pipeline/autopilot_feed.hpp"
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
 #include "firmware/pipeline/downlink.hpp"
 #include "firmware/pipeline/host_report.hpp"
 #include "firmware/pipeline/link_map.hpp"
 #include "firmware/pipeline/ping_queue.hpp"
+#include "firmware/pipeline/sound_path.hpp"
 #include "firmware/pipeline/tile_set.hpp"
 #include "model/base/pose.hpp"
 #include "model/base/status.hpp"
@@ -82,7 +84,8 @@ enum class PingLoss : std::uint8_t {
   kPoseEpoch = 3,  ///< navigation jumped during the ping
   kPaused = 4,     ///< position less certain than any footprint is wide (kPauseSigma)
   kBad = 5,        ///< fields out of range
-  kCount = 6,
+  kNoPath = 6,     ///< the water lets no such beam come back (sound_path.hpp)
+  kCount = 7,
 };
 /// Short name for statistics (`shed`, ...).
 [[nodiscard]] const char* ping_loss_name(PingLoss loss);
@@ -109,6 +112,7 @@ struct VehicleCounters {
   std::uint64_t profiles_undetected;  ///< without: mapped as no return
   std::uint64_t nav_samples;
   std::uint64_t nav_stuck;  ///< of these, not fused: as a hundred before them (kPortWatchStuck)
+  std::uint64_t autopilot_frames;  ///< of autopilot_feed.hpp, in device_requests
   std::uint64_t tiles_extracted;
   std::uint64_t tile_deltas;    ///< frames of tile deltas
   std::uint64_t delta_bytes;    ///< in them, framing included
@@ -225,8 +229,11 @@ class Vehicle {
   void resend(const proto::ResendRequest& request);
   void map_pings();
   void make_ready();
+  void find_echo();
   [[nodiscard]] bool pose_for(const base::Ping& ping, base::Pose& pose, PingLoss& loss,
                               bool& wait) const;
+  [[nodiscard]] bool straightened(const base::Pose& head, PingLoss& loss);
+  [[nodiscard]] std::size_t port_of_head(std::uint16_t mount) const;
   [[nodiscard]] bool certain_enough(const base::Pose& pose) const;
   void lose(PingLoss loss);
   void keep_mapped(const base::Pose& pose);
@@ -261,6 +268,8 @@ class Vehicle {
   model::EchoDetectorConfig detector_[kMaxPorts] = {};
   DevicePort ports_[kMaxPorts];
   estimator::Navigator navigator_;
+  SoundPath sound_path_;
+  AutopilotFeed autopilot_;
   PingQueue pending_;
   base::Ping ready_{};  ///< the oldest pending ping, its echo detected
   bool has_ready_ = false;

@@ -239,7 +239,7 @@ void Vehicle::fill_status(proto::Status& status) const {
   status.pings[proto::kPingShed] = lost(PingLoss::kShed);
   status.pings[proto::kPingNoPose] =
       lost(PingLoss::kNoPose) + lost(PingLoss::kPoseGap) + lost(PingLoss::kPoseEpoch);
-  status.pings[proto::kPingBad] = lost(PingLoss::kBad);
+  status.pings[proto::kPingBad] = lost(PingLoss::kBad) + lost(PingLoss::kNoPath);
   status.pings[proto::kPingPaused] = lost(PingLoss::kPaused);
   status.pings_pending = static_cast<std::uint32_t>(pending_.size());
   const estimator::NavigatorCounters& navigation = navigator_.counters();

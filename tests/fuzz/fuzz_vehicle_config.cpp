@@ -9,6 +9,7 @@
 
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/config/vehicle_file.hpp"
+#include "firmware/pipeline/sound_path.hpp"
 
 namespace {
 
@@ -62,6 +63,8 @@ void check(const VehicleFile& file) {
   model.work_budget_voxels = 0;
   require(leadline::model::check_config(model) == leadline::base::Status::kOk,
           "the model's limits");
+  leadline::firmware::SoundPath path;
+  require(path.configure(config) == leadline::base::Status::kOk, "sound speeds");
   const auto& navigation = config.navigation;
   require(navigation.gravity_um_s2 >= 9'000'000 && navigation.gravity_um_s2 <= 10'000'000, "g");
   require(navigation.water_density_g_m3 >= 900'000, "density");

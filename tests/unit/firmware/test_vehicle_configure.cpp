@@ -72,6 +72,8 @@ TEST(values_out_of_range_are_refused) {
   assert_true(out_of_range([](VehicleConfig& c) { c.ports[0].ping_interval_us = -1; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.mounts[0].lever_arm_mm[1] = 2'000'000; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.model.cell_mm = 0; }));
+  assert_true(out_of_range([](VehicleConfig& c) { c.water.tide_count = 65; }));
+  assert_true(out_of_range([](VehicleConfig& c) { c.water.point_count = 33; }));
 }
 
 TEST(tables_must_be_there_whole_and_the_first) {

@@ -84,6 +84,86 @@ TEST(the_smallest_file_gets_the_documented_defaults) {
   assert_int_equal(file.port_uris[0].baud, 9600);
 }
 
+TEST(the_water_is_read) {
+  const std::string points =
+      "[[sound_speed]]\ndepth_m = 0\nspeed_m_s = 1490.5\n"
+      "[[sound_speed]]\ndepth_m = 20.25\nspeed_m_s = 1480\n";
+  const VehicleFile file = parse(kSmallest + points);
+  const auto& water = file.config.water;
+  assert_int_equal(water.speed_known, 0);
+  assert_int_equal(water.point_count, 2);
+  assert_int_equal(water.points[0].speed_mm_s, 1'490'500);
+  assert_int_equal(water.points[1].depth_mm, 20'250);
+  const VehicleFile again = parse(vehicle_file_to_toml(file));
+  assert_int_equal(again.config.water.point_count, 2);
+  assert_int_equal(again.config.water.points[1].depth_mm, 20'250);
+  assert_int_equal(again.config.water.speed_known, 0);
+  assert_contains(vehicle_file_to_json(file), "\"speed_m_s\": 1490.5");
+
+  const VehicleFile known = parse("[sonar]\nsound_speed_mm_s = 1500000\n" + kSmallest);
+  assert_int_equal(known.config.water.speed_known, 1);
+  assert_int_equal(parse(vehicle_file_to_toml(known)).config.water.speed_known, 1);
+  const VehicleFile guessed =
+      parse("[sonar]\nsound_speed_mm_s = 1480000\nsound_speed_known = false\n" + kSmallest);
+  assert_int_equal(guessed.config.water.speed_known, 0);
+  assert_int_equal(guessed.config.sound_speed_mm_s, 1'480'000);
+
+  assert_contains(error_of(kSmallest + points + "[[sound_speed]]\ndepth_m = 20\nspeed_m_s = 1\n"),
+                  "depth_m = 20: has to be below the point before it");
+  assert_contains(error_of(kSmallest + "[[sound_speed]]\ndepth_m = 1\n"), "speed_m_s is missing");
+  assert_contains(error_of(kSmallest + "[[sound_speed]]\ndepth_m = 1\nspeed_m_s = 1700.1\n"),
+                  "speed_m_s = 1700.1");
+  std::string many = kSmallest;
+  for (int i = 0; i < 33; ++i) {
+    many += "[[sound_speed]]\ndepth_m = " + std::to_string(i) + "\nspeed_m_s = 1500\n";
+  }
+  assert_contains(error_of(many), "33 of them, at most 32");
+}
+
+TEST(a_tide_is_a_height_or_a_file) {
+  const std::string navigation = kSmallest + "[navigation]\n";
+  const VehicleFile high = parse(navigation + "tide_m = -1.25\n");
+  assert_int_equal(high.config.water.tide_count, 1);
+  assert_int_equal(high.config.water.tide[0].height_mm, -1250);
+  assert_int_equal(parse(vehicle_file_to_toml(high)).config.water.tide[0].height_mm, -1250);
+  const VehicleFile from_file =
+      parse_vehicle_file(navigation + "tide_file = \"pier.csv\"\n", "v.toml", "/survey");
+  assert_string_equal(from_file.tide_path.c_str(), "/survey/pier.csv");
+  assert_int_equal(from_file.config.water.tide_count, 0);
+  assert_string_equal(parse(vehicle_file_to_toml(from_file)).tide_path.c_str(), "/survey/pier.csv");
+  assert_int_equal(parse(kSmallest).config.water.tide_count, 0);
+  assert_contains(error_of(navigation + "tide_m = 0\ntide_file = \"pier.csv\"\n"),
+                  "give one of them");
+  assert_contains(error_of(navigation + "tide_m = 101\n"), "tide_m = 101");
+}
+
+TEST(an_autopilot_is_told_where_the_port_says_so) {
+  const std::string port = "[[port]]\nuri = \"udp:@:14550\"\ndriver = \"mavlink\"\n";
+  const auto sends = [](const VehicleFile& file) {
+    return (file.config.ports[1].switches & leadline::firmware::kPortSend) != 0;
+  };
+  assert_false(sends(parse(kSmallest + port)));
+  const VehicleFile file = parse(kSmallest + port + "send = true\n");
+  assert_true(sends(file));
+  assert_true(sends(parse(vehicle_file_to_toml(file))));
+  assert_contains(
+      error_of(kSmallest + "[[port]]\nuri = \"udp:@:1\"\ndriver = \"nmea\"\nsend = true\n"),
+      "driver \"nmea\" has no such key");
+}
+
+TEST(gravity_is_that_of_the_latitude) {
+  const auto gravity = [](const std::string& more) {
+    return parse(kSmallest + more).config.navigation.gravity_um_s2;
+  };
+  // NIMA TR8350.2: at the equator, at the poles; 45 degrees by its formula.
+  assert_int_equal(gravity("[frame]\nlat = 0\nlon = 7\n"), 9'780'325);
+  assert_int_equal(gravity("[frame]\nlat = -90\nlon = 7\n"), 9'832'185);
+  assert_int_equal(gravity("[frame]\nlat = 45\nlon = 7\n"), 9'806'198);
+  assert_int_equal(gravity("[frame]\nlat = 45\nlon = 7\n[navigation]\ngravity_m_s2 = 9.81\n"),
+                   9'810'000);
+  assert_int_equal(gravity(""), 9'806'650);
+}
+
 TEST(every_key_is_read) {
   const VehicleFile file = parse_vehicle_file(
       "schema_version = 1\n[survey]\nid = 9007199254740991\nname = \"basin\"\n" + kGrid +
@@ -271,6 +351,7 @@ TEST(the_example_is_good_and_shows_every_key) {
   // Defaults shown are defaults taken: without the keys that have none the two are the same.
   VehicleFile same = complete;
   same.frame = file.frame;
+  same.config.water = file.config.water;
   same.ranges.detect_range_mm = file.ranges.detect_range_mm;
   assert_string_equal(vehicle_file_to_toml(same).c_str(), vehicle_file_to_toml(file).c_str());
   // And nothing is missing: what is not in the example is named by nobody.
