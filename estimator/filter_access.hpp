@@ -2,6 +2,7 @@
 // matrices, and the one way in which a measurement is gated and merged. Eigen stays behind this header.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -10,6 +11,7 @@
 #define EIGEN_DONT_VECTORIZE
 #define EIGEN_NO_MALLOC
 #define EIGEN_NO_DEBUG
+// NOLINTNEXTLINE(cppcoreguidelines-macro-usage): an option of Eigen
 #define EIGEN_MAX_ALIGN_BYTES 0
 #include <Eigen/Core>
 
@@ -69,6 +71,9 @@ inline constexpr float kGate3 = 31.8F;
 /// Rounded micrometres of a length in metres, limited to +-9e9 m; 0 for NaN.
 [[nodiscard]] std::int64_t micrometres(float value_m);
 
+/// Body to NED, of a quaternion of length 1.
+[[nodiscard]] Matrix3 rotation_of(const std::array<float, 4>& quaternion);
+
 struct FilterAccess {
   NavigationFilter& filter;
 
@@ -78,7 +83,7 @@ struct FilterAccess {
   [[nodiscard]] Vector3 velocity() const {
     return {filter.velocity_[0], filter.velocity_[1], filter.velocity_[2]};
   }
-  [[nodiscard]] Matrix3 rotation() const;
+  [[nodiscard]] Matrix3 rotation() const { return rotation_of(filter.quaternion_); }
   /// Bias taken off; zero where no sensor gives them.
   [[nodiscard]] Vector3 rates() const;
   /// Of one axis of rates(), (rad/s)^2.
@@ -104,8 +109,9 @@ struct FilterAccess {
   /// variances (independent of each other); counts under `kind`. Component by component: their squared
   /// lengths, each in the light of those before, add up to that of the whole.
   template <int kRows>
-  Fusion fuse(NavMeasurement kind, const Rows<kRows>& rows, const Column<kRows>& innovation,
-              const Column<kRows>& noise, float gate) const {
+  [[nodiscard]] Fusion fuse(NavMeasurement kind, const Rows<kRows>& rows,
+                            const Column<kRows>& innovation, const Column<kRows>& noise,
+                            float gate) const {
     const ErrorMatrix before = covariance();
     ErrorVector error = ErrorVector::Zero();
     float nis = 0.0F;
@@ -122,7 +128,7 @@ struct FilterAccess {
     keep_sound();
     return accept(kind);
   }
-  Fusion accept(NavMeasurement kind) const;
+  [[nodiscard]] Fusion accept(NavMeasurement kind) const;
   /// After a change of the covariance that was not a measurement's.
   void keep_sound() const;
 
@@ -131,7 +137,7 @@ struct FilterAccess {
   [[nodiscard]] float merge(const ErrorVector& row, float innovation, float noise,
                             ErrorVector& error) const;
   void inject(const ErrorVector& error) const;
-  Fusion refuse(NavMeasurement kind) const;
+  [[nodiscard]] Fusion refuse(NavMeasurement kind) const;
 };
 
 }  // namespace leadline::estimator

@@ -101,11 +101,11 @@ std::int64_t micrometres(float value_m) {
   return static_cast<std::int64_t>(um + (um < 0.0F ? -0.5F : 0.5F));
 }
 
-Matrix3 FilterAccess::rotation() const {
-  const float w = filter.quaternion_[0];
-  const float x = filter.quaternion_[1];
-  const float y = filter.quaternion_[2];
-  const float z = filter.quaternion_[3];
+Matrix3 rotation_of(const std::array<float, 4>& quaternion) {
+  const float w = quaternion[0];
+  const float x = quaternion[1];
+  const float y = quaternion[2];
+  const float z = quaternion[3];
   Matrix3 r;
   r << 1.0F - 2.0F * (y * y + z * z), 2.0F * (x * y - w * z), 2.0F * (x * z + w * y),
       2.0F * (x * y + w * z), 1.0F - 2.0F * (x * x + z * z), 2.0F * (y * z - w * x),
@@ -391,8 +391,7 @@ std::int64_t NavigationFilter::velocity_um_s(base::Axis axis) const {
 }
 
 base::Attitude NavigationFilter::attitude() const {
-  const FilterAccess access{const_cast<NavigationFilter&>(*this)};
-  const Matrix3 r = access.rotation();
+  const Matrix3 r = rotation_of(quaternion_);
   const auto q30 = [](float value) { return static_cast<std::int64_t>(value * 0x1p30F); };
   base::Attitude attitude{};
   attitude.roll_bam32 = base::atan2_bam32(q30(r(2, 1)), q30(r(2, 2)));
@@ -403,16 +402,16 @@ base::Attitude NavigationFilter::attitude() const {
 }
 
 std::uint32_t NavigationFilter::sigma_attitude_urad(int index) const {
-  const FilterAccess access{const_cast<NavigationFilter&>(*this)};
   Vector3 axis(0.0F, 0.0F, 1.0F);
   if (index < 2) {
-    const Vector3 forward = access.rotation().col(0);
+    const Vector3 forward = rotation_of(quaternion_).col(0);
     const float length = std::sqrt(square(forward[0]) + square(forward[1])) + 1e-6F;
     const float n = forward[0] / length;
     const float e = forward[1] / length;
     axis = index == 0 ? Vector3(n, e, 0.0F) : Vector3(-e, n, 0.0F);
   }
-  const Matrix3 block = access.covariance().block<3, 3>(kErrorAttitude, kErrorAttitude);
+  const Matrix3 block =
+      Eigen::Map<const ErrorMatrix>(covariance_.data()).block<3, 3>(kErrorAttitude, kErrorAttitude);
   const float variance = axis.dot(block * axis);
   return rounded_up(std::sqrt(variance > 0.0F ? variance : 0.0F) * 1e6F);
 }

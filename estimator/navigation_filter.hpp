@@ -22,6 +22,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "estimator/kalman_cv.hpp"
@@ -31,6 +32,7 @@
 namespace leadline::estimator {
 
 inline constexpr int kErrorStates = 16;
+inline constexpr std::size_t kCovarianceEntries = std::size_t{kErrorStates} * kErrorStates;
 
 /// Kinds of measurements: indices of the counters, bits (1 << kind) of the faults.
 enum class NavMeasurement : std::uint8_t {
@@ -161,7 +163,7 @@ class NavigationFilter {
   [[nodiscard]] float last_nis() const { return last_nis_; }
   [[nodiscard]] int last_dimension() const { return last_dimension_; }
   /// 16 x 16, row by row, symmetric.
-  [[nodiscard]] const std::array<float, kErrorStates * kErrorStates>& covariance() const {
+  [[nodiscard]] const std::array<float, kCovarianceEntries>& covariance() const {
     return covariance_;
   }
 
@@ -183,7 +185,7 @@ class NavigationFilter {
   std::array<float, 3> rates_{};       ///< as measured, rad/s
   float rates_interval_s_ = 1.0F;      ///< between the last two
   std::array<float, 7> extra_{};       ///< error states 9 .. 15 as estimated
-  std::array<float, kErrorStates * kErrorStates> covariance_{};
+  std::array<float, kCovarianceEntries> covariance_{};
   std::array<NavMeasurementCounters, kNavMeasurements> counters_{};
   std::uint32_t faults_ = 0;
   float last_nis_ = 0.0F;

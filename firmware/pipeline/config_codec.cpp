@@ -26,7 +26,12 @@ struct Writer {
   std::uint8_t* out;
   template <typename T>
   void operator()(T& value) {
-    auto bits = static_cast<std::uint64_t>(value);
+    std::uint64_t bits = 0;
+    if constexpr (sizeof(T) == 1) {
+      bits = static_cast<std::uint8_t>(value);
+    } else {
+      bits = static_cast<std::uint64_t>(value);
+    }
     for (std::size_t i = 0; i < sizeof(T); ++i) {
       *out = static_cast<std::uint8_t>(bits & 0xFFU);
       bits >>= 8U;
