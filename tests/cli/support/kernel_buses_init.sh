@@ -3,12 +3,15 @@
 # root: makes a CAN bus and GPIO lines, runs the tests on them, prints GUEST-RC=<exit code>.
 # On the kernel's command line: LEADLINE_TEST=<program>.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin
+echo GUEST-STARTED
 mount -t proc proc /proc
 mount -t sysfs sys /sys
 mount -t devtmpfs dev /dev 2>/dev/null
 mkdir -p /dev/pts
 mount -t devpts -o ptmxmode=666 pts /dev/pts
-mount -t tmpfs tmp /tmp
+# Not over /tmp: the checkout may lie there.
+mount -t tmpfs tmp /mnt
+export TMPDIR=/mnt
 
 # Debian's packaged kernel has its drivers as modules; the built one has them inside.
 modules=/usr/lib/uml/modules/$(uname -r)/kernel
