@@ -36,7 +36,7 @@ find "$build" -name '*.gcda' -delete
 tests_failed=0
 # The search for the work bound takes minutes without optimization and runs three lines that the others do
 # not. The lines of a test that fails count all the same.
-run_ctest coverage -L "$label" -R '^(unit\.(base|model|estimator|proto|hal|firmware)|property)\.' \
+run_ctest coverage -L "$label" -R "$vehicle_tests_regex" \
   -E '^property\.work_bound' || tests_failed=1
 
 # gcov's counts are read once; the folders are parts of the result.

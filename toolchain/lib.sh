@@ -27,6 +27,9 @@ stems() {
 }
 
 # configure_and_build PRESET [TARGET...]
+# Tests of the target vehicle_tests (tests/CMakeLists.txt).
+vehicle_tests_regex='^(unit\.(base|model|estimator|proto|hal|firmware)|property)\.'
+
 configure_and_build() {
   local preset=$1
   shift
