@@ -26,10 +26,10 @@ stems() {
   [ ! -d "$1" ] || find "$1" -maxdepth 1 -name "$2" -printf '%f\n' | sed 's/\.[^.]*$//' | sort
 }
 
-# configure_and_build PRESET [TARGET...]
 # Tests of the target vehicle_tests (tests/CMakeLists.txt).
 vehicle_tests_regex='^(unit\.(base|model|estimator|proto|hal|firmware)|property)\.'
 
+# configure_and_build PRESET [TARGET...]
 configure_and_build() {
   local preset=$1
   shift

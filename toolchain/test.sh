@@ -3,8 +3,9 @@
 #
 # usage: toolchain/test.sh [--tier fast|ci|full]
 #   fast   release build, fast tests; under 5 minutes on 2 cores (default)
-#   ci     and: tests labelled ci, benches compile, format, clang-tidy and lone headers, vehicle code under the sanitizers,
-#          coverage of vehicle code (at least 95 % of lines), 80 s for all fuzz targets; under 30 minutes
+#   ci     and: tests labelled ci, benches compile, format, clang-tidy and lone headers, vehicle code under
+#          the sanitizers, its coverage (at least 95 % of lines), 80 s for all fuzz targets; under 30
+#          minutes
 #   full   and: tests labelled full, debug build, all tests under the sanitizers, fuzz targets 60 s each,
 #          demo; hours
 #
