@@ -344,7 +344,10 @@ void Navigator::take_depth(const NavSample& sample, const LeverArm& lever) {
 template <int kAxes>
 void Navigator::merge_position(const std::int64_t* values, std::int64_t sigma_um,
                                const LeverArm& lever, TimeUs t_us, Rejects& rejects) {
-  constexpr base::Axis kFirst = kAxes == 2 ? base::kNorth : base::kDown;
+  const auto axis = [](int i) {
+    constexpr int kFirst = kAxes == 2 ? base::kNorth : base::kDown;
+    return static_cast<base::Axis>(kFirst + i);
+  };
   const auto merge = [&] {
     if constexpr (kAxes == 2) {
       return filter_.update_position(values, sigma_um, lever, age(t_us));
@@ -354,12 +357,12 @@ void Navigator::merge_position(const std::int64_t* values, std::int64_t sigma_um
   const bool started = kAxes == 2 ? filter_.horizontal_started() : filter_.vertical_started();
   std::int64_t before[2] = {0, 0};
   for (int i = 0; i < kAxes; ++i) {
-    before[i] = filter_.position_um(static_cast<base::Axis>(kFirst + i), 0);
+    before[i] = filter_.position_um(axis(i), 0);
   }
   if (merge() == Fusion::kFused) {
     bool moved = false;
     for (int i = 0; i < kAxes; ++i) {
-      const std::int64_t after = filter_.position_um(static_cast<base::Axis>(kFirst + i), 0);
+      const std::int64_t after = filter_.position_um(axis(i), 0);
       moved = moved || (started && !within(after - before[i], kJumpSigmas * sigma_um));
     }
     const bool gap = rejects.fused_us != kNever_us && t_us - rejects.fused_us > kLongGap_us;

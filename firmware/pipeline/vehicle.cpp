@@ -230,6 +230,9 @@ void Vehicle::configure_ports() {
     ports_[i].configure(port, DeviceSetup{config_.sound_speed_mm_s});
     clocks_[i] = estimator::ClockSync{};
     stuck_[i].restart();
+    if (!is_head(port.driver)) {
+      continue;  // and may have no mount
+    }
     detector_[i] = model::EchoDetectorConfig{
         model_.table(config_.mounts[port.mount].table).detection_fraction_q16, port.min_range_um,
         port.max_range_um};
