@@ -156,7 +156,7 @@ void print_text(const Calibration& result, const Alignment& given) {
               << fixed_text(parameter.value, digits) << " from what was given)\n";
   }
   std::cout << "options        --boresight";
-  for (const std::size_t p : {0, 1, 2}) {
+  for (std::size_t p = 0; p < 3; ++p) {
     std::cout << " " << fixed_text(total[p], 3);
   }
   std::cout << " --attitude-delay " << fixed_text(total[3], 1) << " --lever-arm "

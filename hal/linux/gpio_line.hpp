@@ -38,10 +38,10 @@ class GpioLine {
   [[nodiscard]] bool open(const std::string& chip, std::uint32_t line, bool output);
 
   void* chip_ = nullptr;
-  void* line_ = nullptr;    ///< 1.6: the line; 2.x: the request
-  void* buffer_ = nullptr;  ///< 2.x: of events
-  std::uint32_t offset_ = 0;
-  unsigned long sequence_ = 0;  ///< 2.x: of the edge before
+  void* line_ = nullptr;                     ///< 1.6: the line; 2.x: the request
+  [[maybe_unused]] void* buffer_ = nullptr;  ///< 2.x: of events
+  [[maybe_unused]] std::uint32_t offset_ = 0;
+  [[maybe_unused]] unsigned long sequence_ = 0;  ///< 2.x: of the edge before
 };
 
 }  // namespace leadline::hal
