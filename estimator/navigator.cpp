@@ -344,9 +344,12 @@ void Navigator::take_depth(const NavSample& sample, const LeverArm& lever) {
 template <int kAxes>
 void Navigator::merge_position(const std::int64_t* values, std::int64_t sigma_um,
                                const LeverArm& lever, TimeUs t_us, Rejects& rejects) {
+  // North and east, or down.
   const auto axis = [](int i) {
-    constexpr int kFirst = kAxes == 2 ? base::kNorth : base::kDown;
-    return static_cast<base::Axis>(kFirst + i);
+    if (kAxes == 1) {
+      return base::kDown;
+    }
+    return i == 0 ? base::kNorth : base::kEast;
   };
   const auto merge = [&] {
     if constexpr (kAxes == 2) {
