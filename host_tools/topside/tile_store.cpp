@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 namespace leadline::host {
 namespace {
@@ -25,25 +26,90 @@ TileStore::TileStore(const proto::Hello& hello)
       tiles_(static_cast<std::size_t>(tiles_of(hello.size_cells[0])) *
              static_cast<std::size_t>(tiles_east_)) {}
 
-bool TileStore::fits(const proto::TileDelta& delta) const {
-  if (delta.tile >= tiles_.size()) {
+bool TileStore::fits(std::uint32_t tile, const proto::CodedCell* cells,
+                     const proto::CellMask& taken) const {
+  if (tile >= tiles_.size()) {
     return false;
   }
-  const auto number = static_cast<std::int32_t>(delta.tile);
+  const auto number = static_cast<std::int32_t>(tile);
   const std::int32_t rows = hello_.size_cells[0] - number / tiles_east_ * proto::kTileSide_cells;
   const std::int32_t columns = hello_.size_cells[1] - number % tiles_east_ * proto::kTileSide_cells;
   for (int k = 0; k < proto::kTileArea_cells; ++k) {
     const bool inside = (k >> 4) < rows && (k & 15) < columns;
-    if (!inside && delta.changed.test(k) && proto::cell_known(delta.cells[k])) {
+    if (!inside && taken.test(k) && proto::cell_known(cells[k])) {
       return false;
     }
   }
   return true;
 }
 
+// To the end of the order of changes where it is read first.
+void TileStore::note_change(std::uint32_t id) {
+  Tile& tile = *tiles_[id];
+  sequence_ += 1;
+  tile.sequence = sequence_;
+  if (latest_ == id) {
+    return;
+  }
+  if (tile.later != kNoTile) {
+    tiles_[tile.later]->earlier = tile.earlier;
+  }
+  if (tile.earlier != kNoTile) {
+    tiles_[tile.earlier]->later = tile.later;
+  }
+  tile.later = kNoTile;
+  tile.earlier = latest_;
+  if (latest_ != kNoTile) {
+    tiles_[latest_]->later = id;
+  }
+  latest_ = id;
+}
+
+std::vector<std::uint32_t> TileStore::changed_since(std::uint64_t since) const {
+  std::vector<std::uint32_t> changed;
+  for (std::uint32_t id = latest_; id != kNoTile && tiles_[id]->sequence > since;
+       id = tiles_[id]->earlier) {
+    changed.push_back(id);
+  }
+  return changed;
+}
+
+std::optional<TileView> TileStore::tile(std::uint32_t tile) const {
+  if (tile >= tiles_.size() || !tiles_[tile]) {
+    return std::nullopt;
+  }
+  const Tile& found = *tiles_[tile];
+  return TileView{found.generation, found.hash32, found.complete, found.sequence, found.cells};
+}
+
+bool TileStore::restore(const StoredTile& stored) {
+  proto::CellMask all{};
+  std::fill(std::begin(all.rows), std::end(all.rows), UINT16_MAX);
+  const bool sound = std::all_of(std::begin(stored.cells), std::end(stored.cells),
+                                 [](proto::CodedCell cell) { return proto::cell_valid(cell); });
+  if (!sound || !fits(stored.tile, stored.cells, all) || tiles_[stored.tile]) {
+    return false;
+  }
+  auto tile = std::make_unique<Tile>();
+  tile->generation = stored.generation;
+  tile->hash32 = stored.hash32;
+  std::copy(std::begin(stored.cells), std::end(stored.cells), std::begin(tile->cells));
+  tile->complete = proto::fold_hash(proto::tile_hash(tile->cells)) == tile->hash32;
+  // Of a tile that misses something nobody knows which cells are old: any word about them counts.
+  std::fill(std::begin(tile->cell_generation), std::end(tile->cell_generation),
+            tile->complete ? stored.generation : stored.generation - kLongAgo);
+  known_cells_ += static_cast<std::uint64_t>(
+      std::count_if(std::begin(stored.cells), std::end(stored.cells),
+                    [](proto::CodedCell cell) { return proto::cell_known(cell); }));
+  known_tiles_ += 1;
+  tiles_[stored.tile] = std::move(tile);
+  note_change(stored.tile);
+  return true;
+}
+
 DeltaOutcome TileStore::apply(const proto::TileDelta& delta) {
   DeltaOutcome outcome;
-  if (!fits(delta)) {
+  if (!fits(delta.tile, delta.cells, delta.changed)) {
     outcome.outside = true;
     return outcome;
   }
@@ -51,6 +117,7 @@ DeltaOutcome TileStore::apply(const proto::TileDelta& delta) {
   const bool first = !place;
   if (first) {
     place = std::make_unique<Tile>();
+    known_tiles_ += 1;
   }
   Tile& tile = *place;
   if (first) {
@@ -74,11 +141,16 @@ DeltaOutcome TileStore::apply(const proto::TileDelta& delta) {
       tile.cell_generation[k] = delta.generation;
     }
   }
-  if (newer(delta.generation, tile.generation)) {
+  const bool news = newer(delta.generation, tile.generation);
+  if (news) {
     tile.generation = delta.generation;
     tile.hash32 = delta.hash32;
   }
+  const bool was_complete = tile.complete;
   tile.complete = proto::fold_hash(proto::tile_hash(tile.cells)) == tile.hash32;
+  if (first || news || outcome.new_cells > 0 || tile.complete != was_complete) {
+    note_change(delta.tile);
+  }
   return outcome;
 }
 
@@ -98,14 +170,6 @@ void TileStore::take_place(const proto::Hello& later) {
 std::uint64_t TileStore::grid_cells() const {
   return static_cast<std::uint64_t>(hello_.size_cells[0]) *
          static_cast<std::uint64_t>(hello_.size_cells[1]);
-}
-
-std::uint32_t TileStore::known_tiles() const {
-  std::uint32_t count = 0;
-  for (const std::unique_ptr<Tile>& tile : tiles_) {
-    count += tile ? 1U : 0U;
-  }
-  return count;
 }
 
 std::uint64_t TileStore::cells_hash() const {

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "host_tools/raster.hpp"
@@ -24,6 +25,23 @@ struct DeltaOutcome {
   bool outside = false;  ///< a tile or a known cell that the grid does not have: nothing was taken
 };
 
+/// What came of one tile.
+struct TileView {
+  std::uint32_t generation;       ///< of the newest delta; modulo 2^32
+  std::uint32_t hash32;           ///< what the whole tile should hash to at that generation
+  bool complete;                  ///< whether it does
+  std::uint64_t sequence;         ///< TileStore::sequence() after its last change
+  const proto::CodedCell* cells;  ///< kTileArea_cells, north-major; valid while the store is
+};
+
+/// What a TileStore was told of a tile, to be told again (restore).
+struct StoredTile {
+  std::uint32_t tile = 0;
+  std::uint32_t generation = 0;
+  std::uint32_t hash32 = 0;
+  proto::CodedCell cells[proto::kTileArea_cells] = {};
+};
+
 class TileStore {
  public:
   /// An empty map of the grid that the hello describes (decode_hello has checked its ranges). A tile takes
@@ -37,6 +55,18 @@ class TileStore {
 
   /// O(tile).
   DeltaOutcome apply(const proto::TileDelta& delta);
+  /// Takes over a tile that another store of the same map held, where nothing came for it yet. False, and
+  /// nothing done: something did, or the grid has no such tile or cell. O(tile).
+  bool restore(const StoredTile& stored);
+
+  /// Counts the changes of tiles since this store began: whoever remembers it asks what came later.
+  /// Begins at 0 with each store. A change: a cell's value, a generation, a tile that became (in)complete.
+  [[nodiscard]] std::uint64_t sequence() const { return sequence_; }
+  /// Tiles that changed after the store's sequence() was `since` (0: all that ever came), each once, latest
+  /// change first. O(tiles returned).
+  [[nodiscard]] std::vector<std::uint32_t> changed_since(std::uint64_t since) const;
+  /// What came of a tile; nothing when none did. O(1).
+  [[nodiscard]] std::optional<TileView> tile(std::uint32_t tile) const;
 
   [[nodiscard]] std::uint32_t tile_count() const {
     return static_cast<std::uint32_t>(tiles_.size());
@@ -45,7 +75,8 @@ class TileStore {
   [[nodiscard]] proto::CodedCell cell(std::int32_t north, std::int32_t east) const;
   [[nodiscard]] std::uint64_t known_cells() const { return known_cells_; }
   [[nodiscard]] std::uint64_t grid_cells() const;
-  [[nodiscard]] std::uint32_t known_tiles() const;
+  /// Tiles of which something came.
+  [[nodiscard]] std::uint32_t known_tiles() const { return known_tiles_; }
   /// 64-bit hash of all coded cells: the cells_hash of proto/cell.hpp. O(grid).
   [[nodiscard]] std::uint64_t cells_hash() const;
 
@@ -64,17 +95,24 @@ class TileStore {
   [[nodiscard]] Raster sigma() const;
 
  private:
+  static constexpr std::uint32_t kNoTile = UINT32_MAX;
   struct Tile {
     std::uint32_t generation = 0;  ///< of the newest delta
     std::uint32_t hash32 = 0;      ///< what the whole tile should hash to at that generation
     bool complete = true;
+    std::uint64_t sequence = 0;
+    // Neighbours in the order of changes.
+    std::uint32_t later = kNoTile;
+    std::uint32_t earlier = kNoTile;
     proto::CodedCell cells[proto::kTileArea_cells] = {};
     std::uint32_t cell_generation[proto::kTileArea_cells] = {};
   };
 
   template <typename Wanted>
   [[nodiscard]] proto::ResendRequest request(std::uint32_t after, Wanted wanted) const;
-  [[nodiscard]] bool fits(const proto::TileDelta& delta) const;
+  [[nodiscard]] bool fits(std::uint32_t tile, const proto::CodedCell* cells,
+                          const proto::CellMask& taken) const;
+  void note_change(std::uint32_t id);
   template <typename Value>
   [[nodiscard]] Raster raster(Value value) const;
 
@@ -82,6 +120,9 @@ class TileStore {
   std::uint16_t tag_;
   std::int32_t tiles_east_;
   std::uint64_t known_cells_ = 0;
+  std::uint32_t known_tiles_ = 0;
+  std::uint64_t sequence_ = 0;
+  std::uint32_t latest_ = kNoTile;            ///< the tile that changed last
   std::vector<std::unique_ptr<Tile>> tiles_;  ///< null: nothing came yet
 };
 

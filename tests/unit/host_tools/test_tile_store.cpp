@@ -193,4 +193,100 @@ TEST(the_hash_is_that_of_all_tiles) {
   assert_true(store.cells_hash() != hash);
 }
 
+TEST(changes_are_told_latest_first_and_each_tile_once) {
+  TileStore store(small_grid());
+  assert_int_equal(store.changed_since(0).size(), 0);
+  Sender zero(0);
+  Sender three(3);
+  const leadline::proto::TileDelta first = zero.set({0}, 1000);
+  (void)store.apply(first);
+  (void)store.apply(three.set({1}, 2000));
+  const std::uint64_t seen = store.sequence();
+  assert_true(store.changed_since(0) == (std::vector<std::uint32_t>{3, 0}));
+  assert_int_equal(store.changed_since(seen).size(), 0);
+  (void)store.apply(Sender(5).set({0}, 2000));
+  (void)store.apply(zero.set({1}, 1000));
+  (void)store.apply(zero.set({2}, 1000));
+  assert_true(store.changed_since(seen) == (std::vector<std::uint32_t>{0, 5}));
+  assert_true(store.changed_since(0) == (std::vector<std::uint32_t>{0, 5, 3}));
+  // An old word that says nothing new, and one for no tile, are no changes.
+  const std::uint64_t last = store.sequence();
+  (void)store.apply(first);
+  (void)store.apply(Sender(6).set({0}, 1000));
+  assert_true(store.sequence() == last);
+  (void)store.apply(three.set({2}, 2000));
+  assert_true(store.changed_since(0) == (std::vector<std::uint32_t>{3, 0, 5}));
+}
+
+TEST(random_changes_are_told_as_a_plain_list_has_them) {
+  TileStore store(small_grid());
+  std::vector<Sender> senders;
+  for (std::uint32_t tile = 0; tile < 6; ++tile) {
+    senders.emplace_back(tile);
+  }
+  Random random(3);
+  std::vector<std::uint32_t> order;  // latest first
+  for (int step = 0; step < 500; ++step) {
+    const auto tile = static_cast<std::uint32_t>(random.between(0, 5));
+    (void)store.apply(senders[tile].set({0}, static_cast<std::int32_t>(1000 + 512 * (step % 7))));
+    order.erase(std::remove(order.begin(), order.end(), tile), order.end());
+    order.insert(order.begin(), tile);
+    assert_true(store.changed_since(0) == order);
+  }
+}
+
+TEST(a_tile_is_restored_as_it_was) {
+  TileStore store(small_grid());
+  Sender sender(2, 0xFFFFFFFFU);  // its first generation is 0
+  (void)store.apply(sender.set({0, 7}, 1000));
+  const auto view = store.tile(2);
+  assert_true(view.has_value());
+  assert_true(view->complete);
+  assert_int_equal(view->generation, 0);
+  assert_false(store.tile(1).has_value());
+  assert_false(store.tile(6).has_value());
+
+  leadline::host::StoredTile stored;
+  stored.tile = 2;
+  stored.generation = view->generation;
+  stored.hash32 = view->hash32;
+  std::copy(view->cells, view->cells + kTileArea_cells, stored.cells);
+  TileStore later(small_grid());
+  assert_true(later.restore(stored));
+  assert_false(later.restore(stored));
+  assert_true(later.cells_hash() == store.cells_hash());
+  assert_int_equal(later.known_cells(), 2);
+  assert_true(later.changed_since(0) == std::vector<std::uint32_t>{2});
+  assert_int_equal(later.tiles_incomplete(), 0);
+  // The link goes on where it was.
+  (void)later.apply(sender.set({9}, 1000));
+  assert_int_equal(later.tiles_incomplete(), 0);
+  assert_int_equal(later.known_cells(), 3);
+
+  stored.tile = 5;
+  stored.cells[4] = code_cell(1000, 2048, 0);  // outside the grid
+  assert_false(later.restore(stored));
+  stored.cells[4] = 0x20;  // no cell at all
+  assert_false(later.restore(stored));
+}
+
+TEST(a_tile_that_missed_something_is_restored_incomplete_and_mended) {
+  TileStore store(small_grid());
+  Sender sender(1);
+  (void)sender.set({3}, 4000);
+  (void)store.apply(sender.set({2}, 4000));
+  const auto view = store.tile(1);
+  assert_false(view->complete);
+  leadline::host::StoredTile stored;
+  stored.tile = 1;
+  stored.generation = view->generation;
+  stored.hash32 = view->hash32;
+  std::copy(view->cells, view->cells + kTileArea_cells, stored.cells);
+  TileStore later(small_grid());
+  assert_true(later.restore(stored));
+  assert_int_equal(later.tiles_incomplete(), 1);
+  (void)later.apply(sender.set({3}, 4000));
+  assert_int_equal(later.tiles_incomplete(), 0);
+}
+
 }  // namespace
