@@ -27,6 +27,11 @@ struct ReceiveOptions {
     const Receiver& receiver, const std::optional<std::uint64_t>& vehicle_cells_hash,
     double seconds);
 
+/// The map as `receive` leaves it: depth.asc, sigma.asc, depth.tif, depth.png, and `summary` as receive.json.
+/// Throws HostError kOutput.
+void write_received_map(const std::string& directory, const TileStore& store,
+                        const std::string& summary);
+
 /// The command: until SIGINT, SIGTERM, the end of a file, or --idle. Returns 0; 5 when a log was given and
 /// the map is not the vehicle's. Throws HostError: kUsage (the URI), kInput (another major version;
 /// nothing came that makes a map), kOutput.

@@ -1,0 +1,94 @@
+#include "host_tools/topside/link_reader.hpp"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include "hal/linux/uri.hpp"
+#include "host_tools/exit_codes.hpp"
+
+namespace leadline::host {
+namespace {
+
+// Tiles that miss something are asked for this often; by then the vehicle's own next word may have come.
+constexpr double kResendEvery_s = 2.0;
+// A whole read of a socket at a time, and no more of them before the clock is looked at.
+constexpr std::size_t kRead_bytes = 65536;
+constexpr int kReadsPerRound = 64;
+
+}  // namespace
+
+LinkReader::LinkReader(const std::string& uri, const std::string& command)
+    : uri_(uri), buffer_(kRead_bytes) {
+  const hal::UriResult parsed = hal::parse_uri(uri);
+  if (!parsed.ok()) {
+    throw HostError(ExitCode::kUsage, command + ": --link: " + parsed.error);
+  }
+  is_file_ = parsed.spec.scheme == hal::UriScheme::kFile;
+  const std::string problem =
+      is_file_ ? "" : hal::device_problem(parsed.spec, hal::FileUse::kRead, true);
+  if (!problem.empty()) {
+    throw HostError(ExitCode::kInput, command + ": --link: " + problem);
+  }
+  if (is_file_ && access(parsed.spec.path.c_str(), R_OK) != 0) {
+    throw HostError(ExitCode::kInput, parsed.spec.path + ": cannot be read");
+  }
+  hal::PortResult made = hal::make_port(parsed.spec, hal::FileUse::kRead);
+  if (!made.port) {
+    throw HostError(ExitCode::kUsage, command + ": " + uri + ": " + made.error);
+  }
+  port_ = std::move(made.port);
+}
+
+std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
+  std::size_t sum = 0;
+  const auto now_us = static_cast<base::TimeUs>(now_s * 1e6);
+  port_->service(now_us);
+  for (int k = 0; k < kReadsPerRound; ++k) {
+    base::TimeUs ignored_us = 0;
+    const std::size_t got = port_->read(now_us, buffer_.data(), buffer_.size(), ignored_us);
+    if (got == 0) {
+      break;
+    }
+    sum += got;
+    receiver->feed(buffer_.data(), got);
+  }
+  return sum;
+}
+
+void LinkReader::ask_again(Receiver* receiver, double now_s) {
+  if (asked_s_ == 0.0) {
+    asked_s_ = now_s;
+  }
+  if (is_file_ || now_s - asked_s_ < kResendEvery_s) {
+    return;
+  }
+  asked_s_ = now_s;
+  const std::vector<std::uint8_t> request = receiver->resend_request();
+  if (!request.empty() && port_->write_room() >= request.size()) {
+    (void)port_->write(request.data(), request.size());
+  }
+}
+
+void LinkReader::wait(int timeout_ms) const {
+  pollfd wanted{port_->poll_fd(), port_->poll_events(), 0};
+  (void)poll(&wanted, wanted.fd >= 0 ? 1 : 0, timeout_ms);
+}
+
+std::string LinkReader::port_change() {
+  const std::string change = is_file_ ? "" : watch_.change(*port_);
+  return change.empty() || port_->local_port() != 0 ? "" : uri_ + ": " + change;
+}
+
+const char* severity_word(proto::Severity severity) {
+  switch (severity) {
+    case proto::Severity::kInfo:
+      return "";
+    case proto::Severity::kWarning:
+      return "warning: ";
+    case proto::Severity::kError:
+      return "error: ";
+  }
+  return "";
+}
+
+}  // namespace leadline::host

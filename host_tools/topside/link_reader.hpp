@@ -1,0 +1,52 @@
+// The topside's end of a link: a port of this machine that feeds a receiver, and asks the vehicle for what is
+// missing. For commands that watch a link (receive, monitor); the receiver itself has neither port nor clock.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "hal/linux/linux_port.hpp"
+#include "hal/linux/port_watch.hpp"
+#include "host_tools/topside/receiver.hpp"
+
+namespace leadline::host {
+
+class LinkReader {
+ public:
+  /// Opens what `uri` names (hal/linux/uri.hpp). `command` stands in front of messages. Throws HostError:
+  /// kUsage (the URI, an address that is taken), kInput (no such device, a file that cannot be read).
+  LinkReader(const std::string& uri, const std::string& command);
+
+  /// Feeds what has come, at most so much that a flood lets the caller look at its clock in between.
+  /// Returns the bytes. Passes on what Receiver::feed throws.
+  std::size_t read_some(Receiver* receiver, double now_s);
+  /// Sends the receiver's request, if it has one and the port room for it; at most every
+  /// kResendEvery_s.
+  void ask_again(Receiver* receiver, double now_s);
+  /// Waits for bytes, at most so long.
+  void wait(int timeout_ms) const;
+
+  /// What became of the port since the last call: "open", "lost: ..."; empty: nothing new, or a listening port,
+  /// whose number was said when it opened.
+  [[nodiscard]] std::string port_change();
+  [[nodiscard]] bool is_file() const { return is_file_; }
+  [[nodiscard]] bool at_end() const { return port_->at_end(); }
+  /// Port that a listening link got; 0 for others.
+  [[nodiscard]] std::uint16_t local_port() const { return port_->local_port(); }
+
+ private:
+  std::string uri_;
+  bool is_file_ = false;
+  std::unique_ptr<hal::LinuxPort> port_;
+  hal::PortWatch watch_;
+  std::vector<std::uint8_t> buffer_;
+  double asked_s_ = 0.0;
+};
+
+/// "warning: ", "error: ", or nothing.
+[[nodiscard]] const char* severity_word(proto::Severity severity);
+
+}  // namespace leadline::host
