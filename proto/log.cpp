@@ -339,6 +339,13 @@ base::Status LogWriter::frames(const std::uint8_t* frames, std::size_t size_byte
 
 // --- Reader
 
+void LogReader::reset() {
+  buffer_.decoder().reset();
+  counters_ = LogReaderCounters{};
+  bad_frames_ = buffer_.decoder().counters().bad_frames();
+  gap_ = false;
+}
+
 bool LogReader::next(const std::uint8_t* data, std::size_t size_bytes, std::size_t& consumed_bytes,
                      LogRecord& record) {
   consumed_bytes = 0;

@@ -194,6 +194,8 @@ struct LogReaderCounters {
 ///   while (size > 0) { if (reader.next(data, size, used, record)) use(record); data += used; ... }
 class LogReader {
  public:
+  /// Forgets everything: the next byte is the first of another log.
+  void reset();
   [[nodiscard]] bool next(const std::uint8_t* data, std::size_t size_bytes,
                           std::size_t& consumed_bytes, LogRecord& record);
   [[nodiscard]] const LogReaderCounters& counters() const { return counters_; }

@@ -47,6 +47,9 @@ Status log_begin(proto::LogWriter& writer, const VehicleConfig& config, const Ta
 
 Status log_cycle(proto::LogWriter& writer, std::uint32_t cycle, const CycleInput& input,
                  const CycleOutput& output) {
+  if (input.chunk_count > kMaxCycleChunks) {
+    return Status::kOutOfRange;
+  }
   for (std::size_t i = 0; i < input.chunk_count; ++i) {
     const InputChunk& chunk = input.chunks[i];
     const Status status = writer.chunk(

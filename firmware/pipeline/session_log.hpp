@@ -16,6 +16,10 @@ namespace leadline::firmware {
 /// Longest chunk that log_cycle() takes; whoever reads ports reads no more at a time.
 inline constexpr std::size_t kMaxChunk_bytes = proto::kMaxLogChunk_bytes;
 
+/// Most chunks that one cycle of a log may have (a Linux vehicle's ports fill less); whoever runs a Vehicle
+/// and logs it hands it no more at once.
+inline constexpr std::size_t kMaxCycleChunks = 1024;
+
 /// A log begins with so many of log_begin(), one behind the other: it replays from these, and no one
 /// damaged record takes both.
 inline constexpr int kLogPreambleCopies = 2;
@@ -28,7 +32,7 @@ inline constexpr int kLogPreambleCopies = 2;
                                      base::TimeUs t_us, std::int64_t utc_us);
 
 /// One cycle, after it ran: its chunks, its record, the frames that it made. Numbers count from 0.
-/// kOutOfRange: a chunk is over kMaxChunk_bytes. kFull as above.
+/// kOutOfRange: a chunk is over kMaxChunk_bytes, or there are more than kMaxCycleChunks. kFull as above.
 [[nodiscard]] base::Status log_cycle(proto::LogWriter& writer, std::uint32_t cycle,
                                      const CycleInput& input, const CycleOutput& output);
 

@@ -95,6 +95,9 @@ class Flight {
       const emu::Bytes& all = bytes[port];
       for (std::size_t at = 0; at < all.size(); at += firmware::kMaxChunk_bytes) {
         const std::size_t end = std::min(at + firmware::kMaxChunk_bytes, all.size());
+        if (heard_.size() == firmware::kMaxCycleChunks) {
+          cycle();  // all of this came at one instant
+        }
         heard_.push_back({static_cast<std::uint8_t>(port),
                           now_us_,
                           {all.begin() + static_cast<std::ptrdiff_t>(at),

@@ -1,8 +1,8 @@
 #include "host_tools/topside/replay.hpp"
 
 #include <iostream>
-#include <vector>
 
+#include "firmware/pipeline/log_player.hpp"
 #include "firmware/pipeline/session_log.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/map_output.hpp"
@@ -16,31 +16,29 @@ namespace leadline::host {
 namespace {
 
 /// What is wrong with the log, a line each.
-std::string log_findings(const FlightLogCounters& log, bool has_end) {
+std::string findings_text(const firmware::LogFindings& findings, bool has_end) {
+  firmware::FindingText texts[firmware::kMaxFindingTexts];
+  const std::size_t count = firmware::finding_texts(findings, has_end, texts);
   std::string text;
-  const auto say = [&text](std::uint64_t count, const char* what) {
-    if (count > 0) {
-      text += "gap: " + std::to_string(count) + " " + what + "\n";
-    }
-  };
-  say(log.damaged_places, "places in the log cannot be read");
-  say(log.missing_cycles, "cycles are missing");
-  say(log.broken_cycles, "cycles lack some of their bytes");
-  say(log.recorder_gaps, "times the recorder could not keep up or write");
-  say(log.recorder_lost, "records were lost by the recorder");
-  if (!has_end) {
-    text += log.cut ? "the log ends in the middle of a record\n" : "the log has no end record\n";
+  for (std::size_t i = 0; i < count; ++i) {
+    text += texts[i].count > 0 ? "gap: " + std::to_string(texts[i].count) + " " : "";
+    text += std::string(texts[i].text) + "\n";
   }
   return text;
 }
 
+const char* same_text(const ReplayResult& result) {
+  return firmware::same_as_flight_text(result.now, result.then ? &*result.then : nullptr);
+}
+
 std::string hashes_text(const proto::LogEnd& end) {
-  return "map_hash=" + hex_text(end.map_hash, 16) + " link_hash=" + hex_text(end.link_hash, 16) +
-         " cells_hash=" + hex_text(end.cells_hash, 16);
+  char line[firmware::kHashLine_bytes];
+  const std::size_t size = firmware::hash_line(end, line);
+  return {line, size};
 }
 
 std::string result_json(const ReplayResult& result) {
-  const FlightLogCounters& log = result.log;
+  const firmware::LogFindings& log = result.log;
   const proto::LogEnd& now = result.now;
   std::string text = "{\n  \"map_hash\": \"" + hex_text(now.map_hash, 16) + "\"";
   const auto add = [&text](const char* key, const std::string& value) {
@@ -48,7 +46,7 @@ std::string result_json(const ReplayResult& result) {
   };
   add("link_hash", "\"" + hex_text(now.link_hash, 16) + "\"");
   add("cells_hash", "\"" + hex_text(now.cells_hash, 16) + "\"");
-  add("same_as_flight", !result.then ? "null" : (result.same() ? "true" : "false"));
+  add("same_as_flight", !result.then ? "null" : same_text(result));
   add("cycles", std::to_string(result.cycles));
   add("seconds", std::to_string(static_cast<double>(now.t_us) * 1e-6));
   add("pings_in", std::to_string(now.pings_in));
@@ -93,26 +91,18 @@ ReplayResult replay_flight(FlightLog* log, firmware::Vehicle* vehicle, Soundings
   ReplayResult result;
   Progress progress("replaying", log->size_bytes());
   FlightCycle cycle;
-  base::TimeUs t_us = log->header().t_us;
-  std::vector<firmware::InputChunk> chunks;
   while (log->next(&cycle)) {
-    chunks.clear();
-    for (const FlightCycle::Chunk& chunk : cycle.chunks) {
-      chunks.push_back({chunk.t_arrival_us, chunk.bytes.data(),
-                        static_cast<std::uint16_t>(chunk.bytes.size()), chunk.port});
-    }
     firmware::CycleOutput output{};
-    vehicle->cycle({cycle.t_us, chunks.data(), chunks.size(), cycle.downlink_room_bytes}, output);
+    vehicle->cycle(cycle.input, output);
     if (soundings != nullptr) {
       soundings->take(*vehicle);
     }
-    t_us = cycle.t_us;
     result.cycles += 1;
-    progress.update(log->counters().bytes);
+    progress.update(log->read_bytes());
   }
-  result.now = firmware::log_end_of(*vehicle, t_us);
+  result.now = firmware::log_end_of(*vehicle, log->t_us());
   result.then = log->end();
-  result.log = log->counters();
+  result.log = log->findings();
   return result;
 }
 
@@ -122,14 +112,14 @@ int run_replay(const ReplayOptions& options) {
   Soundings soundings;
   const ReplayResult result =
       replay_flight(&log, &*vehicle, options.out_dir.empty() ? nullptr : &soundings);
-  std::cerr << log_findings(result.log, result.then.has_value());
+  std::cerr << findings_text(result.log, result.then.has_value());
   if (!options.out_dir.empty()) {
     write_results(options, log, &*vehicle, soundings, result);
   }
   if (options.json) {
     std::cout << result_json(result);
   } else {
-    std::cout << hashes_text(result.now) << "\n";
+    std::cout << hashes_text(result.now) << " same_as_flight=" << same_text(result) << "\n";
     std::cout << result.cycles << " cycles, " << result.now.pings_in << " pings, "
               << result.now.pings_fused << " in the map; "
               << (result.same() ? "the same as when it flew"

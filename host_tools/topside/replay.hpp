@@ -21,13 +21,10 @@ struct ReplayResult {
   std::uint64_t cycles = 0;
   proto::LogEnd now{};                ///< as the replay has it
   std::optional<proto::LogEnd> then;  ///< as the flight had it; unset: the log ends early
-  FlightLogCounters log;
+  firmware::LogFindings log{};
 
   /// Map, link bytes and link cells are those of the flight.
-  [[nodiscard]] bool same() const {
-    return then && then->map_hash == now.map_hash && then->link_hash == now.link_hash &&
-           then->cells_hash == now.cells_hash;
-  }
+  [[nodiscard]] bool same() const { return then && firmware::same_results(*then, now); }
 };
 
 /// Runs every cycle of `log` through the vehicle. `soundings` may be null.

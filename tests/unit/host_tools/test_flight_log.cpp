@@ -59,7 +59,7 @@ struct Read {
   std::uint64_t survey_id = 0;
   std::vector<std::uint32_t> whole_cycles;
   bool has_end = false;
-  leadline::host::FlightLogCounters counters;
+  leadline::firmware::LogFindings counters{};
 };
 
 /// Null when it was refused.
@@ -78,7 +78,7 @@ std::unique_ptr<Read> read(const std::string& bytes) {
       }
     }
     out->has_end = log.end().has_value();
-    out->counters = log.counters();
+    out->counters = log.findings();
     return out;
   } catch (const HostError&) {
     return nullptr;
