@@ -20,8 +20,9 @@ void add_export_command(CLI::App* app, CommandRun* run) {
       ->type_name("FILE")
       ->required();
   command
-      ->add_option("--format", options->format,
-                   "geotiff, asc, xyz162, xyz168 or ply (default: by the file's ending)")
+      ->add_option(
+          "--format", options->format,
+          "geotiff, asc, xyz162, xyz168, ply, las, geojson or kml (default: by the file's ending)")
       ->type_name("NAME");
   command
       ->add_option("--vertical", options->vertical,
@@ -31,12 +32,19 @@ void add_export_command(CLI::App* app, CommandRun* run) {
       ->type_name("TEXT");
   command
       ->add_option("--layer", options->layer,
-                   "map, sigma (asc) or voxels (ply: the occupied ones); default map")
+                   "map, sigma (asc), voxels (ply, las: the occupied ones), contours or coverage\n"
+                   "(geojson, kml: one without the other); default map")
       ->type_name("NAME");
   command
-      ->add_option("--frame", options->frame,
-                   "XYZ: local metres or lonlat (default: lonlat where the map has a place);\n"
-                   "asc: local keeps the map's metres in spite of --epsg")
+      ->add_option("--contours", options->contour_interval_m,
+                   "geojson, kml: metres between contours, 0 for none (default: a round step)")
+      ->type_name("M");
+  command
+      ->add_option(
+          "--frame", options->frame,
+          "xyz, las, geojson: local metres or lonlat (default: lonlat where the map has a\n"
+          "place, las in the --epsg system where there is one);\n"
+          "asc: local keeps the map's metres in spite of --epsg")
       ->type_name("NAME");
   command->add_option("--lat", options->lat_deg, "Latitude of the map's origin, instead of its own")
       ->type_name("DEG");
@@ -55,7 +63,8 @@ void add_export_command(CLI::App* app, CommandRun* run) {
       "Examples:\n"
       "  leadline export map --out depth.tif --datum MSL\n"
       "  leadline export map --out soundings.xyz --lat 54.18 --lon 7.89\n"
-      "  leadline export out/demo/survey.lll --out seafloor.ply --vertical elevation");
+      "  leadline export out/demo/survey.lll --out seafloor.ply --vertical elevation\n"
+      "  leadline export map --out chart.kml --vertical depth --contours 2 --lat 54.18 --lon 7.89");
   command->callback([options, run] { *run = [options] { return run_export(*options); }; });
 }
 

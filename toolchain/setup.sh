@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Installs what is missing from Debian 12 to build, run and test Leadline.
 #
-# usage: toolchain/setup.sh [--checks] [--dry-run]
+# usage: toolchain/setup.sh [--checks] [--full] [--dry-run]
 #   --checks    also what the ci and full tiers need: clang 14 tools and gcovr
+#   --full      also what only the full tier needs: PCL, which reads our point clouds (300 MB)
 #   --dry-run   only tell what is missing; exit code 1 when something is
 #
 # Does nothing, and needs no rights, when nothing is missing; otherwise it needs root or sudo. Never
@@ -27,11 +28,13 @@ check_packages=(
   clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr
   user-mode-linux kmod iproute2
 )
+full_packages=(pcl-tools)
 
 dry_run=0
 while [ $# -gt 0 ]; do
   case $1 in
     --checks) packages+=("${check_packages[@]}") ;;
+    --full) packages+=("${full_packages[@]}") ;;
     --dry-run) dry_run=1 ;;
     -h | --help)
       print_help

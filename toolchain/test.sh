@@ -65,6 +65,7 @@ start_mark=$(mktemp)
 
 setup_options=()
 [ "$tier" = fast ] || setup_options=(--checks)
+[ "$tier" != full ] || setup_options+=(--full)
 step "set-up" "$root/toolchain/setup.sh" "${setup_options[@]}" || finish
 
 step "build release" configure_and_build release || finish

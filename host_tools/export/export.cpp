@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/export/export_parts.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/settings.hpp"
 #include "host_tools/text.hpp"
@@ -19,17 +20,16 @@ struct FormatName {
   const char* name;
   const char* ending;
 };
-constexpr std::array<FormatName, 5> kFormats = {{
+constexpr std::array<FormatName, 8> kFormats = {{
     {ExportFormat::kGeoTiff, "geotiff", ".tif"},
     {ExportFormat::kEsriAscii, "asc", ".asc"},
     {ExportFormat::kXyz162, "xyz162", ".xyz"},
     {ExportFormat::kXyz168, "xyz168", ""},
     {ExportFormat::kPly, "ply", ".ply"},
+    {ExportFormat::kLas, "las", ".las"},
+    {ExportFormat::kGeoJson, "geojson", ".geojson"},
+    {ExportFormat::kKml, "kml", ".kml"},
 }};
-
-[[noreturn]] void usage_error(const std::string& message) {
-  throw HostError(ExitCode::kUsage, "export: " + message);
-}
 
 /// Index of `text` among `names`; kUsage naming the option otherwise.
 std::size_t choice(const char* option, const std::string& text,
@@ -42,8 +42,8 @@ std::size_t choice(const char* option, const std::string& text,
     all += (k == 0 ? "" : ", ") + names[k];
   }
   const std::string near = closest_name(text, names);
-  usage_error(std::string(option) + " " + printable(text) + ": must be one of " + all +
-              (near.empty() ? "" : "; did you mean " + near + "?"));
+  export_usage_error(std::string(option) + " " + printable(text) + ": must be one of " + all +
+                     (near.empty() ? "" : "; did you mean " + near + "?"));
 }
 
 ExportFormat chosen_format(const ExportOptions& options) {
@@ -58,14 +58,25 @@ ExportFormat chosen_format(const ExportOptions& options) {
     names.emplace_back(format.name);
   }
   if (options.format.empty()) {
-    usage_error("--out " + printable(options.out_path) +
-                ": the ending does not tell the format (.tif, .asc, .xyz, .ply); give --format");
+    export_usage_error("--out " + printable(options.out_path) +
+                       ": the ending does not tell the format (.tif, .asc, .xyz, .ply, .las, "
+                       ".geojson, .kml); give --format");
   }
   return kFormats[choice("--format", options.format, names)].format;
 }
 
 bool is_xyz(ExportFormat format) {
   return format == ExportFormat::kXyz162 || format == ExportFormat::kXyz168;
+}
+
+/// Contours and outlines.
+bool is_vector(ExportFormat format) {
+  return format == ExportFormat::kGeoJson || format == ExportFormat::kKml;
+}
+
+/// Formats of points, whose coordinates --frame chooses.
+bool has_frame(ExportFormat format) {
+  return is_xyz(format) || is_vector(format) || format == ExportFormat::kLas;
 }
 
 VerticalSign chosen_sign(const ExportOptions& options, ExportFormat format) {
@@ -78,9 +89,10 @@ VerticalSign chosen_sign(const ExportOptions& options, ExportFormat format) {
                                 ? VerticalSign::kElevation
                                 : VerticalSign::kDepth;
   if (is_xyz(format) && sign != natural) {
-    usage_error("--vertical " + options.vertical + ": " +
-                (format == ExportFormat::kXyz162 ? "xyz162 is depth; elevations are xyz168"
-                                                 : "xyz168 is elevation; depths are xyz162"));
+    export_usage_error("--vertical " + options.vertical + ": " +
+                       (format == ExportFormat::kXyz162
+                            ? "xyz162 is depth; elevations are xyz168"
+                            : "xyz168 is elevation; depths are xyz162"));
   }
   return sign;
 }
@@ -90,16 +102,21 @@ ExportLayer chosen_layer(const ExportOptions& options, ExportFormat format,
   if (options.layer.empty()) {
     return ExportLayer::kMap;
   }
-  const auto layer =
-      static_cast<ExportLayer>(choice("--layer", options.layer, {"map", "sigma", "voxels"}));
+  const auto layer = static_cast<ExportLayer>(
+      choice("--layer", options.layer, {"map", "sigma", "voxels", "contours", "coverage"}));
   if (layer == ExportLayer::kSigma && format != ExportFormat::kEsriAscii) {
-    usage_error("--layer sigma: for asc only; the other formats carry sigma beside the heights");
+    export_usage_error(
+        "--layer sigma: for asc only; the other formats carry sigma beside the heights");
   }
   if (layer == ExportLayer::kSigma && !source.sigma) {
     throw HostError(ExitCode::kInput, source.origin + ": has no sigma");
   }
-  if (layer == ExportLayer::kVoxels && format != ExportFormat::kPly) {
-    usage_error("--layer voxels: for ply only");
+  if (layer == ExportLayer::kVoxels && format != ExportFormat::kPly &&
+      format != ExportFormat::kLas) {
+    export_usage_error("--layer voxels: for ply and las only");
+  }
+  if ((layer == ExportLayer::kContours || layer == ExportLayer::kCoverage) && !is_vector(format)) {
+    export_usage_error("--layer " + options.layer + ": for geojson and kml only");
   }
   if (layer == ExportLayer::kVoxels && !source.model) {
     throw HostError(ExitCode::kInput, source.origin + ": has no voxels (model.llm)");
@@ -110,13 +127,13 @@ ExportLayer chosen_layer(const ExportOptions& options, ExportFormat format,
 GeoReference chosen_reference(const ExportOptions& options, const MapSource& source) {
   GeoReference reference = source.reference;
   if (options.lat_deg.has_value() != options.lon_deg.has_value()) {
-    usage_error("--lat and --lon go together");
+    export_usage_error("--lat and --lon go together");
   }
   if (options.lat_deg && !(std::fabs(*options.lat_deg) <= 90.0)) {
-    usage_error("--lat " + number_text(*options.lat_deg) + ": must be -90 .. 90");
+    export_usage_error("--lat " + number_text(*options.lat_deg) + ": must be -90 .. 90");
   }
   if (options.lon_deg && !(*options.lon_deg >= -180.0 && *options.lon_deg <= 360.0)) {
-    usage_error("--lon " + number_text(*options.lon_deg) + ": must be -180 .. 360");
+    export_usage_error("--lon " + number_text(*options.lon_deg) + ": must be -180 .. 360");
   }
   if (options.lat_deg) {
     reference.lat_deg = options.lat_deg;
@@ -131,92 +148,30 @@ GeoReference chosen_reference(const ExportOptions& options, const MapSource& sou
   return reference;
 }
 
-std::string datum_text(const GeoReference& reference) {
-  return reference.vertical_datum.value_or("not stated");
-}
+void ply_line(PackedBytes* ply, const std::string& text) { ply->text(text + "\n"); }
 
-const char* sign_text(VerticalSign sign) {
-  return sign == VerticalSign::kDepth ? "depth in metres, positive down"
-                                      : "elevation in metres, positive up";
-}
-
-/// Calls visit(row, column, elevation) for every known cell, north to south, west to east.
-template <typename Visit>
-void for_each_cell(const Raster& raster, Visit visit) {
-  for (int row = 0; row < raster.rows; ++row) {
-    for (int column = 0; column < raster.columns; ++column) {
-      if (!std::isnan(raster.at(row, column))) {
-        visit(row, column, raster.at(row, column));
-      }
-    }
-  }
-}
-
-double signed_height(double elevation_m, VerticalSign sign) {
-  return sign == VerticalSign::kDepth ? -elevation_m : elevation_m;
-}
-
-/// Little-endian binary PLY: header lines, then packed values.
-class PlyWriter {
- public:
-  void line(const std::string& text) { bytes_ += text + "\n"; }
-  template <typename Value>
-  void value(Value value) {
-    static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "PLY is written as memory has it");
-    char raw[sizeof value];
-    std::memcpy(raw, &value, sizeof value);
-    bytes_.append(raw, sizeof raw);
-  }
-  [[nodiscard]] std::string take() { return std::move(bytes_); }
-
- private:
-  std::string bytes_;
-};
-
-void ply_head(PlyWriter* ply, const MapSource& source, const ExportPlan& plan) {
-  ply->line("ply");
-  ply->line("format binary_little_endian 1.0");
-  ply->line("comment leadline: " + printable(source.origin, 200));
-  ply->line("comment x east, y north, local metres; z " + std::string(sign_text(plan.sign)));
-  ply->line("comment vertical datum: " + printable(datum_text(plan.reference), 100));
+void ply_head(PackedBytes* ply, const MapSource& source, const ExportPlan& plan) {
+  ply_line(ply, "ply");
+  ply_line(ply, "format binary_little_endian 1.0");
+  ply_line(ply, "comment leadline: " + printable(source.origin, 200));
+  ply_line(ply, "comment x east, y north, local metres; z " + std::string(sign_text(plan.sign)));
+  ply_line(ply, "comment vertical datum: " + printable(datum_text(plan.reference), 100));
 }
 
 std::string ply_of_voxels(const MapSource& source, const ExportPlan& plan) {
-  const SavedModel& model = *source.model;
-  const GridConfig& grid = model.config.grid;
-  struct Point {
-    double position[3];
-    float probability;
-  };
-  std::vector<Point> points;
-  for (std::int32_t n = 0; n < grid.size[0]; ++n) {
-    for (std::int32_t e = 0; e < grid.size[1]; ++e) {
-      for (std::int32_t d = 0; d < grid.size[2]; ++d) {
-        const model::Voxel& voxel = model.voxel(n, e, d);
-        if (voxel_state(voxel) != VoxelState::kOccupied) {
-          continue;
-        }
-        const auto centre_m = [&grid](int axis, std::int32_t index) {
-          return (static_cast<double>(grid.origin_mm[axis]) + (index + 0.5) * grid.cell_mm) /
-                 1000.0;
-        };
-        points.push_back(
-            {{centre_m(1, e), centre_m(0, n), signed_height(-centre_m(2, d), plan.sign)},
-             static_cast<float>(voxel_signal(voxel))});
-      }
-    }
-  }
-  PlyWriter ply;
+  const std::vector<VoxelPoint> points = occupied_voxels(*source.model, plan.sign);
+  PackedBytes ply;
   ply_head(&ply, source, plan);
-  ply.line("comment centres of occupied voxels of " + number_text(grid.cell_mm / 1000.0) + " m");
-  ply.line("element vertex " + std::to_string(points.size()));
+  ply_line(&ply, "comment centres of occupied voxels of " +
+                     number_text(source.model->config.grid.cell_mm / 1000.0) + " m");
+  ply_line(&ply, "element vertex " + std::to_string(points.size()));
   for (const char* const axis : {"x", "y", "z"}) {
-    ply.line(std::string("property double ") + axis);
+    ply_line(&ply, std::string("property double ") + axis);
   }
-  ply.line("property float probability");
-  ply.line("end_header");
-  for (const Point& point : points) {
-    for (const double coordinate : point.position) {
+  ply_line(&ply, "property float probability");
+  ply_line(&ply, "end_header");
+  for (const VoxelPoint& point : points) {
+    for (const double coordinate : point.position_m) {
       ply.value(coordinate);
     }
     ply.value(point.probability);
@@ -249,13 +204,48 @@ std::vector<std::array<std::int32_t, 3>> triangles(const Raster& raster,
   return faces;
 }
 
-/// What the coordinates in the file are, in words.
+}  // namespace
+
+[[noreturn]] void export_usage_error(const std::string& message) {
+  throw HostError(ExitCode::kUsage, "export: " + message);
+}
+
+std::string datum_text(const GeoReference& reference) {
+  return reference.vertical_datum.value_or("not stated");
+}
+
+const char* sign_text(VerticalSign sign) {
+  return sign == VerticalSign::kDepth ? "depth in metres, positive down"
+                                      : "elevation in metres, positive up";
+}
+
+std::vector<VoxelPoint> occupied_voxels(const SavedModel& model, VerticalSign sign) {
+  const GridConfig& grid = model.config.grid;
+  const auto centre_m = [&grid](int axis, std::int32_t index) {
+    return (static_cast<double>(grid.origin_mm[axis]) + (index + 0.5) * grid.cell_mm) / 1000.0;
+  };
+  std::vector<VoxelPoint> points;
+  for (std::int32_t n = 0; n < grid.size[0]; ++n) {
+    for (std::int32_t e = 0; e < grid.size[1]; ++e) {
+      for (std::int32_t d = 0; d < grid.size[2]; ++d) {
+        const model::Voxel& voxel = model.voxel(n, e, d);
+        if (voxel_state(voxel) == VoxelState::kOccupied) {
+          points.push_back({{centre_m(1, e), centre_m(0, n), signed_height(-centre_m(2, d), sign)},
+                            static_cast<float>(voxel_signal(voxel))});
+        }
+      }
+    }
+  }
+  return points;
+}
+
 std::string coordinates_text(const MapSource& source, const ExportPlan& plan) {
-  if (is_xyz(plan.format)) {
+  const bool in_system = plan.format == ExportFormat::kGeoTiff || plan.grid_in_epsg ||
+                         plan.frame == ExportFrame::kProjected;
+  if (has_frame(plan.format) && !in_system) {
     return plan.frame == ExportFrame::kLonLat ? "longitude and latitude on WGS 84"
                                               : "local metres, east and north";
   }
-  const bool in_system = plan.format == ExportFormat::kGeoTiff || plan.grid_in_epsg;
   if (!in_system) {
     return "coordinates as the map has them";
   }
@@ -269,8 +259,6 @@ std::string coordinates_text(const MapSource& source, const ExportPlan& plan) {
   return text;
 }
 
-}  // namespace
-
 ExportPlan plan_export(const ExportOptions& options, const MapSource& source) {
   ExportPlan plan;
   plan.format = chosen_format(options);
@@ -279,22 +267,43 @@ ExportPlan plan_export(const ExportOptions& options, const MapSource& source) {
   plan.reference = chosen_reference(options, source);
   const bool placed = GeographicFrame::has_place(plan.reference);
   plan.frame = placed ? ExportFrame::kLonLat : ExportFrame::kLocal;
+  if (plan.format == ExportFormat::kLas && plan.reference.epsg.has_value()) {
+    plan.frame = ExportFrame::kProjected;
+  }
   if (!options.frame.empty()) {
     plan.frame = static_cast<ExportFrame>(choice("--frame", options.frame, {"local", "lonlat"}));
     if (plan.format == ExportFormat::kEsriAscii && plan.frame == ExportFrame::kLonLat) {
-      usage_error("--frame lonlat: the cells of an ESRI ASCII grid are metres");
+      export_usage_error("--frame lonlat: the cells of an ESRI ASCII grid are metres");
     }
-    if (!is_xyz(plan.format) && plan.format != ExportFormat::kEsriAscii) {
-      usage_error("--frame: for xyz162, xyz168 and asc only");
+    if (plan.format == ExportFormat::kKml && plan.frame == ExportFrame::kLocal) {
+      export_usage_error(
+          "--frame local: KML is longitude and latitude; GeoJSON holds local metres");
     }
+    if (!has_frame(plan.format) && plan.format != ExportFormat::kEsriAscii) {
+      export_usage_error("--frame: for xyz162, xyz168, las, geojson, kml and asc only");
+    }
+  }
+  if (plan.format == ExportFormat::kKml && !placed) {
+    export_usage_error(
+        "KML is longitude and latitude, and the map has no place on Earth: give --lat and --lon "
+        "(of "
+        "its origin) or --epsg, or export GeoJSON in local metres");
   }
   // Who asks for a system of an ASCII grid gets it, or an error; otherwise it stays as the map has it.
   plan.grid_in_epsg = plan.format == ExportFormat::kEsriAscii && options.epsg.has_value() &&
                       plan.reference.lat_deg.has_value() && options.frame.empty();
-  if (is_xyz(plan.format) && plan.frame == ExportFrame::kLonLat && !placed) {
-    usage_error(
+  if (has_frame(plan.format) && plan.frame == ExportFrame::kLonLat && !placed) {
+    export_usage_error(
         "--frame lonlat: the map has no place on Earth; give --lat and --lon (of its "
         "origin) or --epsg");
+  }
+  plan.contour_interval_m = options.contour_interval_m;
+  if (plan.contour_interval_m && !is_vector(plan.format)) {
+    export_usage_error("--contours: for geojson and kml only");
+  }
+  if (plan.contour_interval_m && !(*plan.contour_interval_m >= 0.0)) {
+    export_usage_error("--contours " + number_text(*plan.contour_interval_m) +
+                       ": must be 0 or more metres");
   }
   return plan;
 }
@@ -313,11 +322,12 @@ std::string format_grid(const MapSource& source, const ExportPlan& plan) {
       append_fixed(&turn, placement.plane.turn_deg(), 3);
       std::string error;
       append_fixed(&error, placement.north_up_error_cells, 2);
-      usage_error("--epsg " + std::to_string(*plan.reference.epsg) +
-                  ": an ESRI ASCII grid has north up, this map is turned by " + turn +
-                  " degrees there (" + error +
-                  " cells at its edge); export a GeoTIFF, which holds the turned grid, or keep "
-                  "local metres with --frame local");
+      export_usage_error(
+          "--epsg " + std::to_string(*plan.reference.epsg) +
+          ": an ESRI ASCII grid has north up, this map is turned by " + turn + " degrees there (" +
+          error +
+          " cells at its edge); export a GeoTIFF, which holds the turned grid, or keep "
+          "local metres with --frame local");
     }
     raster = north_up(placement, raster);
   }
@@ -379,18 +389,18 @@ std::string format_ply(const MapSource& source, const ExportPlan& plan) {
     ++count;
   });
   const std::vector<std::array<std::int32_t, 3>> faces = triangles(raster, vertex);
-  PlyWriter ply;
+  PackedBytes ply;
   ply_head(&ply, source, plan);
-  ply.line("element vertex " + std::to_string(count));
+  ply_line(&ply, "element vertex " + std::to_string(count));
   for (const char* const axis : {"x", "y", "z"}) {
-    ply.line(std::string("property double ") + axis);
+    ply_line(&ply, std::string("property double ") + axis);
   }
   if (source.sigma) {
-    ply.line("property float sigma");
+    ply_line(&ply, "property float sigma");
   }
-  ply.line("element face " + std::to_string(faces.size()));
-  ply.line("property list uchar int vertex_indices");
-  ply.line("end_header");
+  ply_line(&ply, "element face " + std::to_string(faces.size()));
+  ply_line(&ply, "property list uchar int vertex_indices");
+  ply_line(&ply, "end_header");
   for_each_cell(raster, [&](int row, int column, double elevation_m) {
     ply.value(raster.east_of_column_m(column));
     ply.value(raster.north_of_row_m(row));
@@ -414,7 +424,7 @@ int run_export(const ExportOptions& options) {
   switch (plan.format) {
     case ExportFormat::kGeoTiff:
       if (options.out_path == "-") {
-        usage_error("--out -: a GeoTIFF cannot go to standard output");
+        export_usage_error("--out -: a GeoTIFF cannot go to standard output");
       }
       write_geotiff_whole(options.out_path, source.elevation,
                           source.sigma ? &*source.sigma : nullptr, plan.reference, plan.sign);
@@ -428,6 +438,15 @@ int run_export(const ExportOptions& options) {
       break;
     case ExportFormat::kPly:
       write_file_whole(options.out_path, format_ply(source, plan));
+      break;
+    case ExportFormat::kLas:
+      write_file_whole(options.out_path, format_las(source, plan));
+      break;
+    case ExportFormat::kGeoJson:
+      write_file_whole(options.out_path, format_geojson(source, plan));
+      break;
+    case ExportFormat::kKml:
+      write_file_whole(options.out_path, format_kml(source, plan));
       break;
   }
   if (options.out_path != "-") {

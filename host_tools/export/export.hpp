@@ -5,8 +5,12 @@
 //   xyz162    MB-System format 162: lines "longitude latitude depth sigma", depth positive down
 //   xyz168    MB-System format 168: the same with elevation, positive up
 //   ply       binary mesh of the seafloor with sigma per vertex, or the occupied voxels
+//   las       LAS 1.2 points: the known cells with sigma, or the occupied voxels
+//   geojson   contours, and the outline of what is known
+//   kml       the same, for a map that has a place on Earth
 //
-// A map without a place on Earth is the normal case: XYZ and PLY then hold local metres, east and north.
+// A map without a place on Earth is the normal case: XYZ, PLY, LAS and GeoJSON then hold local metres, east
+// and north.
 // Every file says in its own header which coordinates, sign and vertical datum it has.
 #pragma once
 
@@ -18,21 +22,35 @@
 
 namespace leadline::host {
 
-enum class ExportFormat : std::uint8_t { kGeoTiff, kEsriAscii, kXyz162, kXyz168, kPly };
+enum class ExportFormat : std::uint8_t {
+  kGeoTiff,
+  kEsriAscii,
+  kXyz162,
+  kXyz168,
+  kPly,
+  kLas,
+  kGeoJson,
+  kKml,
+};
 
-enum class ExportLayer : std::uint8_t { kMap, kSigma, kVoxels };
+enum class ExportLayer : std::uint8_t { kMap, kSigma, kVoxels, kContours, kCoverage };
 
-/// Coordinates of XYZ lines.
-enum class ExportFrame : std::uint8_t { kLocal, kLonLat };
+/// Coordinates of points: metres of the map, degrees on WGS 84, or (LAS) the reference's EPSG system.
+enum class ExportFrame : std::uint8_t { kLocal, kLonLat, kProjected };
 
 struct ExportOptions {
   std::string input_path;
   std::string out_path;  ///< "-" is standard output
   std::string format;    ///< "" = by the ending of out_path
   std::string vertical;  ///< "elevation", "depth"; "" = elevation, for xyz162 depth
-  std::string layer;     ///< "map", "sigma" (asc), "voxels" (ply); "" = map
-  /// XYZ: "local", "lonlat"; "" = lonlat where the map has a place. ASCII grid: "local", or "".
+  /// "map", "sigma" (asc), "voxels" (ply, las), "contours" or "coverage" (geojson, kml: one without the
+  /// other); "" = map
+  std::string layer;
+  /// XYZ, LAS, GeoJSON: "local", "lonlat"; "" = lonlat where the map has a place, but LAS in the EPSG system
+  /// where there is one. ASCII grid: "local", or "".
   std::string frame;
+  std::optional<double>
+      contour_interval_m;  ///< geojson, kml; 0 = none; unset: a round step, about 12
   /// Instead of what the source says. An origin given here without a code means no code; a code given
   /// here keeps the source's origin.
   std::optional<double> lat_deg;
@@ -48,6 +66,7 @@ struct ExportPlan {
   ExportLayer layer = ExportLayer::kMap;
   ExportFrame frame = ExportFrame::kLocal;
   bool grid_in_epsg = false;  ///< ASCII grid in the reference's system instead of the map's own
+  std::optional<double> contour_interval_m;
   GeoReference reference;
 };
 
@@ -60,6 +79,10 @@ struct ExportPlan {
 [[nodiscard]] std::string format_grid(const MapSource& source, const ExportPlan& plan);
 [[nodiscard]] std::string format_xyz(const MapSource& source, const ExportPlan& plan);
 [[nodiscard]] std::string format_ply(const MapSource& source, const ExportPlan& plan);
+[[nodiscard]] std::string format_las(const MapSource& source, const ExportPlan& plan);
+/// HostError kUsage where more than 1000 levels would be drawn.
+[[nodiscard]] std::string format_geojson(const MapSource& source, const ExportPlan& plan);
+[[nodiscard]] std::string format_kml(const MapSource& source, const ExportPlan& plan);
 
 /// The command; returns 0. Throws HostError: kUsage, kInput, kOutput.
 int run_export(const ExportOptions& options);
