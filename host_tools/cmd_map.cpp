@@ -65,7 +65,9 @@ void add_map_command(CLI::App* app, CommandRun* run) {
       "  lat = 46.2\n"
       "  lon = -122.2\n"
       "  epsg = 32610\n"
-      "  vertical_datum = \"MLLW\"\n\n"
+      "  vertical_datum = \"MLLW\"\n"
+      "  [survey]                        # optional\n"
+      "  name = \"Spirit Lake\"\n\n"
       "Examples:\n"
       "  leadline map --pings pings.csv --config map.toml --out map\n"
       "  zcat pings.csv.gz | leadline map --pings - --config map.toml --out map --json");

@@ -24,6 +24,7 @@ struct GeoReference {
   std::optional<double> lon_deg;
   std::optional<int> epsg;  ///< a projected system in metres
   std::optional<std::string> vertical_datum;
+  std::optional<std::string> survey_name;  ///< [survey] name
 };
 
 /// A point of the local frame on Earth, degrees on WGS 84.

@@ -49,6 +49,7 @@ void add_option(StringList* list, const char* name, const std::string& value) {
 
 /// Tags of a file whose grid is turned: the origin, and the affine map that made the grid.
 constexpr const char* kOriginTag = "LEADLINE_ORIGIN";
+constexpr const char* kNameTag = "LEADLINE_SURVEY";
 constexpr const char* kPlaneTag = "LEADLINE_PLANE";
 constexpr const char* kSignTag = "LEADLINE_SIGN";
 
@@ -274,6 +275,9 @@ void write_geotiff(const std::string& path, const Raster& elevation, const Raste
     GDALSetMetadataItem(dataset.get(), kPlaneTag,
                         exact_numbers(plane_numbers(placement.plane)).c_str(), nullptr);
   }
+  if (reference.survey_name) {
+    GDALSetMetadataItem(dataset.get(), kNameTag, reference.survey_name->c_str(), nullptr);
+  }
   const bool depth = sign == VerticalSign::kDepth;
   GDALSetMetadataItem(dataset.get(), kSignTag,
                       depth ? "depth positive down, equal to minus elevation"
@@ -352,6 +356,8 @@ GeoTiffContent read_geotiff(const std::string& path) {
   if (datum != nullptr && std::string(datum) != "not stated") {
     content.vertical_datum = datum;
   }
+  const char* name = GDALGetMetadataItem(dataset.get(), kNameTag, nullptr);
+  content.survey_name = name != nullptr ? name : "";
   content.elevation = read_band(dataset, 1, geometry, path);
   if (holds_depth(dataset.get())) {
     content.elevation = negated(content.elevation);

@@ -35,6 +35,7 @@ struct GeoTiffContent {
   std::optional<double> lat_deg;
   std::optional<double> lon_deg;
   std::string vertical_datum;  ///< "" = not stated
+  std::string survey_name;     ///< "" = none
 };
 
 /// Writes band 1 `elevation` (float32; metres up, or down with `sign` kDepth) and, unless null, band 2 `sigma` (same

@@ -132,9 +132,7 @@ int run_map(const MapOptions& options) {
   stats.counters = map.counters();
 
   output.write("model.llm", map.save());
-  stage_map(
-      &output, map.elevation(), map.sigma(),
-      {config.frame.lat_deg, config.frame.lon_deg, config.frame.epsg, config.frame.vertical_datum});
+  stage_map(&output, map.elevation(), map.sigma(), map_reference(config));
   const std::string json = format_stats_json(stats);
   output.write("stats.json", json);
   output.commit();

@@ -14,6 +14,8 @@ namespace {
 
 constexpr std::array<const char*, 4> kBeamKindNames = {"cone", "piston", "aperture", "pattern"};
 
+constexpr std::size_t kMaxName_bytes = 64;
+
 /// Every key there is: what is not here is an error.
 std::vector<KnownTable> known_tables() {
   std::vector<std::string> sonar = {"beam_half_angle_deg", "piston_diameter_mm", "frequency_hz",
@@ -23,7 +25,8 @@ std::vector<KnownTable> known_tables() {
   sonar.insert(sonar.end(), ranges.begin(), ranges.end());
   sonar.emplace_back("detection_fraction");
   return {
-      {"", {"schema_version", "grid", "sonar", "navigation", "model", "frame"}},
+      {"", {"schema_version", "survey", "grid", "sonar", "navigation", "model", "frame"}},
+      {"survey", {"name"}},
       {"grid", grid_keys()},
       {"sonar", sonar},
       {"navigation", navigation_sigma_keys()},
@@ -111,6 +114,9 @@ std::vector<ConfigEntry> entries_of(const MapConfig& config) {
     entries.push_back({table, key, std::move(value), -1});
   };
   add("", "schema_version", std::to_string(config.schema_version));
+  if (config.survey_name) {
+    add("survey", "name", json_string(*config.survey_name));
+  }
   add("grid", "cell_mm", std::to_string(config.grid.cell_mm));
   add("grid", "size", array_text(config.grid.size));
   add("grid", "origin_mm", array_text(config.grid.origin_mm));
@@ -175,6 +181,10 @@ MapConfig parse_map_config(std::string_view text, const std::string& name,
   MapConfig config;
   TomlReader reader(text, name, known_tables());
   reader.read_schema_version(kSchemaVersion);
+  std::string survey_name;
+  if (reader.section("survey").read_text("name", kMaxName_bytes, &survey_name)) {
+    config.survey_name = survey_name;
+  }
   config.grid = read_grid(&reader);
   read_sonar(&reader, base_dir, &config);
   read_navigation_sigmas(&reader, &config.navigation);

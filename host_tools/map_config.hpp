@@ -42,6 +42,7 @@ struct SonarConfig : SonarRanges {
 
 struct MapConfig {
   std::int64_t schema_version = kSchemaVersion;
+  std::optional<std::string> survey_name;  ///< [survey] name: at most 64 bytes of printable text
   GridConfig grid;
   SonarConfig sonar;
   NavigationSigmas navigation;  ///< independent: from row to row

@@ -4,6 +4,11 @@
 
 namespace leadline::host {
 
+GeoReference map_reference(const MapConfig& config) {
+  const FrameConfig& frame = config.frame;
+  return {frame.lat_deg, frame.lon_deg, frame.epsg, frame.vertical_datum, config.survey_name};
+}
+
 void stage_map(OutputDir* output, const Raster& elevation, const Raster& sigma,
                const GeoReference& reference) {
   const int digits = raster_decimals(elevation.cell_m);

@@ -42,31 +42,14 @@ const char* ping_result_name(PingResult result) {
   return "unknown";
 }
 
-// Table, ranges and everything that follows from them for one sensor, but the unit of evidence.
-base::Status Model::adopt_sensor(const SensorConfig& config, Sensor& sensor) const {
-  if (config.table == nullptr) {
-    return base::Status::kInvalidArgument;
-  }
-  base::Status status = check_table(config.table, config.table_size_bytes);
-  if (status == base::Status::kOk) {
-    status =
-        check_ranges(config_, config.min_range_um, config.max_range_um, config.detect_range_um);
-  }
-  if (status != base::Status::kOk) {
-    return status;
-  }
-  sensor.config = config;
-  sensor.config.table = nullptr;
-  std::memcpy(&sensor.table, config.table, sizeof(sensor.table));
-  const LocalizationTable& table = sensor.table;
-
-  Scale& scale = sensor.scale;
-  scale = Scale{};
-  scale.cell_um = config_.cell_mm * 1000;
+Scale sensor_scale(const ModelConfig& config, const LocalizationTable& table,
+                   std::int64_t max_range_um) {
+  Scale scale{};
+  scale.cell_um = config.cell_mm * 1000;
   scale.inverse_cell_q46 = ((1LL << 46) + scale.cell_um / 2) / scale.cell_um;
   for (int axis = 0; axis < 3; ++axis) {
-    scale.origin_um[axis] = config_.origin_mm[axis] * 1000;
-    scale.size[axis] = config_.size[axis];
+    scale.origin_um[axis] = config.origin_mm[axis] * 1000;
+    scale.size[axis] = config.size[axis];
   }
   scale.sigma_range_q12 =
       min_of<std::int64_t>(cells_q12(table.sigma_range_um, scale.cell_um), 1 << 20);
@@ -74,7 +57,7 @@ base::Status Model::adopt_sensor(const SensorConfig& config, Sensor& sensor) con
   scale.min_variance_q12 =
       mul_shift(scale.sigma_range_q12, scale.sigma_range_q12, 12) + kFloorVariance_q12;
   scale.max_range_q16 =
-      static_cast<std::int32_t>(mul_shift(config.max_range_um, scale.inverse_cell_q46, 30));
+      static_cast<std::int32_t>(mul_shift(max_range_um, scale.inverse_cell_q46, 30));
   scale.tan_along_q20 = max_of(static_cast<std::int32_t>(table.tan_envelope_along_q24 >> 4U), 512);
   scale.tan_across_q20 =
       max_of(static_cast<std::int32_t>(table.tan_envelope_across_q24 >> 4U), 512);
@@ -90,7 +73,7 @@ base::Status Model::adopt_sensor(const SensorConfig& config, Sensor& sensor) con
   std::int64_t variance_q12 =
       2 * mul_shift(range2_q6, beam_q30 + table.pointing_variance_q30, 24) + 2048;
   const std::int64_t position_q12 = min_of<std::int64_t>(
-      cells_q12(max_of(config_.sigma_position_mm[0], config_.sigma_position_mm[1]) * 1000,
+      cells_q12(max_of(config.sigma_position_mm[0], config.sigma_position_mm[1]) * 1000,
                 scale.cell_um),
       1 << 20);
   variance_q12 += mul_shift(position_q12, position_q12, 12) / 2;
@@ -99,6 +82,26 @@ base::Status Model::adopt_sensor(const SensorConfig& config, Sensor& sensor) con
   constexpr std::int64_t kCut_q8 = 563;  // 2.2
   scale.footprint_cells = static_cast<std::int32_t>(base::clamp<std::int64_t>(
       (sigma_q12 * kCut_q8 + (1 << 20) - 1) >> 20, 2, kMaxFootprintCells));
+  return scale;
+}
+
+// Table, ranges and everything that follows from them for one sensor.
+base::Status Model::adopt_sensor(const SensorConfig& config, Sensor& sensor) const {
+  if (config.table == nullptr) {
+    return base::Status::kInvalidArgument;
+  }
+  base::Status status = check_table(config.table, config.table_size_bytes);
+  if (status == base::Status::kOk) {
+    status =
+        check_ranges(config_, config.min_range_um, config.max_range_um, config.detect_range_um);
+  }
+  if (status != base::Status::kOk) {
+    return status;
+  }
+  sensor.config = config;
+  sensor.config.table = nullptr;
+  std::memcpy(&sensor.table, config.table, sizeof(sensor.table));
+  sensor.scale = sensor_scale(config_, sensor.table, config.max_range_um);
   return base::Status::kOk;
 }
 

@@ -74,6 +74,11 @@ struct SensorConfig {
       detect_range_um;  ///< NoReturnPolicy::kEmpty: where a target would have been detected
 };
 
+/// What follows from a checked configuration, a checked table and the longest range, but the unit of evidence:
+/// enough for work_bound(). O(1).
+[[nodiscard]] Scale sensor_scale(const ModelConfig& config, const LocalizationTable& table,
+                                 std::int64_t max_range_um);
+
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): extract() writes every result that is read.
 class Model {
  public:

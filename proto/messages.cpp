@@ -28,20 +28,6 @@ bool opens_as(ByteReader& fields, MessageType type) {
   return fields.left_bytes() > 0 && fields.u8() == static_cast<std::uint8_t>(type);
 }
 
-bool hello_in_range(const Hello& hello) {
-  bool good = hello.tile_side_cells == kTileSide_cells && hello.table_count <= kMaxHelloTables &&
-              within(hello.cell_mm, 1, kMaxCell_mm) && within(hello.epsg, 0, kMaxEpsg) &&
-              hello.has_geodetic_origin <= 1 &&
-              within(hello.latitude_e9deg, -kMaxLatitude_e9deg, kMaxLatitude_e9deg) &&
-              within(hello.longitude_e9deg, -kMaxLongitude_e9deg, kMaxLongitude_e9deg);
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::int32_t most = axis == base::kDown ? kMaxDown_cells : kMaxSide_cells;
-    good = good && within(hello.size_cells[axis], 1, most) &&
-           within(hello.origin_mm[axis], -kMaxOrigin_mm, kMaxOrigin_mm);
-  }
-  return good;
-}
-
 // --- UTF-8
 
 constexpr std::uint8_t kContinuation = 0x80;
@@ -103,10 +89,61 @@ std::size_t clean_bytes(const char* text, std::size_t size_bytes) {
   return at;
 }
 
+/// Bytes of a text that ends with a zero or after `most_bytes`, up to the first that is not clean UTF-8: a
+/// character that `most_bytes` would split is left out. Null has none.
+std::size_t fitting_bytes(const char* text, std::size_t most_bytes) {
+  if (text == nullptr) {
+    return 0;
+  }
+  std::size_t size = 0;
+  while (size < most_bytes && text[size] != '\0') {
+    ++size;
+  }
+  return clean_bytes(text, size);
+}
+
 bool text_in_range(const Text& text) {
   return static_cast<std::uint8_t>(text.severity) <= static_cast<std::uint8_t>(Severity::kError) &&
          text.size_bytes <= kMaxText_bytes &&
          clean_bytes(text.text, text.size_bytes) == text.size_bytes;
+}
+
+// --- Hello
+
+/// The minor that added names to the hello.
+constexpr std::uint8_t kNamesMinor = 1;
+
+bool hello_text_in_range(const HelloText& text) {
+  return text.size_bytes <= kMaxHelloText_bytes &&
+         clean_bytes(text.text, text.size_bytes) == text.size_bytes;
+}
+
+base::Status take_hello_text(ByteReader& fields, HelloText& text) {
+  text.size_bytes = fields.u8();
+  if (!fields.truncated() && text.size_bytes > kMaxHelloText_bytes) {
+    return base::Status::kOutOfRange;
+  }
+  const std::uint8_t* const bytes = fields.bytes(text.size_bytes);
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  std::memcpy(text.text, bytes, text.size_bytes);
+  return hello_text_in_range(text) ? base::Status::kOk : base::Status::kOutOfRange;
+}
+
+bool hello_in_range(const Hello& hello) {
+  bool good = hello.tile_side_cells == kTileSide_cells && hello.table_count <= kMaxHelloTables &&
+              within(hello.cell_mm, 1, kMaxCell_mm) && within(hello.epsg, 0, kMaxEpsg) &&
+              hello.has_geodetic_origin <= 1 &&
+              within(hello.latitude_e9deg, -kMaxLatitude_e9deg, kMaxLatitude_e9deg) &&
+              within(hello.longitude_e9deg, -kMaxLongitude_e9deg, kMaxLongitude_e9deg) &&
+              hello_text_in_range(hello.survey_name) && hello_text_in_range(hello.vertical_datum);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::int32_t most = axis == base::kDown ? kMaxDown_cells : kMaxSide_cells;
+    good = good && within(hello.size_cells[axis], 1, most) &&
+           within(hello.origin_mm[axis], -kMaxOrigin_mm, kMaxOrigin_mm);
+  }
+  return good;
 }
 
 // --- Status
@@ -198,6 +235,23 @@ std::uint16_t survey_tag(std::uint64_t survey_id, std::uint32_t session) {
   return static_cast<std::uint16_t>(base::crc32c(bytes, sizeof bytes) & 0xFFFFU);
 }
 
+void name_survey(Hello& hello, const char* survey_name, const char* vertical_datum,
+                 std::size_t payload_bytes) {
+  const std::size_t rest_bytes = kLeastHello_bytes + std::size_t{4} * hello.table_count;
+  std::size_t room = payload_bytes - base::min_of(payload_bytes, rest_bytes);
+  const auto set = [&room](HelloText& to, const char* from) {
+    const std::size_t size = fitting_bytes(from, base::min_of(room, kMaxHelloText_bytes));
+    to = HelloText{};
+    to.size_bytes = static_cast<std::uint8_t>(size);
+    if (size > 0) {
+      std::memcpy(to.text, from, size);
+    }
+    room -= size;
+  };
+  set(hello.vertical_datum, vertical_datum);
+  set(hello.survey_name, survey_name);
+}
+
 base::Result<std::size_t> encode_hello(const Hello& hello, std::uint8_t* out,
                                        std::size_t capacity_bytes) {
   if (hello.protocol_major != kProtocolMajor || !hello_in_range(hello)) {
@@ -226,6 +280,12 @@ base::Result<std::size_t> encode_hello(const Hello& hello, std::uint8_t* out,
   fields.u8(hello.table_count);
   for (std::size_t i = 0; i < hello.table_count; ++i) {
     fields.u32(hello.table_crc[i]);
+  }
+  if (hello.protocol_minor >= kNamesMinor) {
+    for (const HelloText* const text : {&hello.survey_name, &hello.vertical_datum}) {
+      fields.u8(text->size_bytes);
+      fields.bytes(text->text, text->size_bytes);
+    }
   }
   return fields.result();
 }
@@ -266,6 +326,14 @@ base::Result<Hello> decode_hello(const std::uint8_t* payload, std::size_t size_b
   }
   for (std::size_t i = 0; i < hello.table_count; ++i) {
     hello.table_crc[i] = fields.u32();
+  }
+  if (hello.protocol_minor >= kNamesMinor) {
+    for (HelloText* const text : {&hello.survey_name, &hello.vertical_datum}) {
+      const base::Status status = take_hello_text(fields, *text);
+      if (status != base::Status::kOk) {
+        return status;
+      }
+    }
   }
   if (fields.status() != base::Status::kOk) {
     return fields.status();
@@ -442,16 +510,11 @@ Text make_text(base::TimeUs t_us, Severity severity, const char* text) {
   Text message{};
   message.t_us = t_us;
   message.severity = severity;
-  if (text == nullptr) {
-    return message;
-  }
-  std::size_t size = 0;
-  while (size < kMaxText_bytes && text[size] != '\0') {
-    ++size;
-  }
-  size = clean_bytes(text, size);
+  const std::size_t size = fitting_bytes(text, kMaxText_bytes);
   message.size_bytes = static_cast<std::uint8_t>(size);
-  std::memcpy(message.text, text, size);
+  if (size > 0) {
+    std::memcpy(message.text, text, size);
+  }
   return message;
 }
 

@@ -21,7 +21,7 @@ namespace leadline::proto {
 
 /// Version of the messages. A peer of another major refuses; a minor adds fields at the end or types.
 inline constexpr std::uint8_t kProtocolMajor = 1;
-inline constexpr std::uint8_t kProtocolMinor = 0;
+inline constexpr std::uint8_t kProtocolMinor = 1;
 
 /// First byte of every payload. 0x01..0x3f downlink, 0x40..0x7f uplink, 0x80..0xff log only.
 enum class MessageType : std::uint8_t {
@@ -48,6 +48,13 @@ enum class MessageType : std::uint8_t {
 // --- Hello: who speaks, and what the numbers of all other messages mean
 
 inline constexpr int kMaxHelloTables = 8;
+inline constexpr std::size_t kMaxHelloText_bytes = 64;
+
+/// A name of the configuration, as much of it as the link's frames hold.
+struct HelloText {
+  std::uint8_t size_bytes;         ///< 0 .. kMaxHelloText_bytes; 0: none
+  char text[kMaxHelloText_bytes];  ///< UTF-8, not terminated, no control characters
+};
 
 /// CRC-32C of the schema text in SPEC.md: two ends that share it share every field of every message.
 [[nodiscard]] std::uint32_t schema_hash();
@@ -72,9 +79,21 @@ struct Hello {
   std::int64_t longitude_e9deg;      ///< +-180e9
   std::int32_t epsg;                 ///< of the projection to export to, 0 = none, 0 .. 999999
   std::uint32_t table_crc[kMaxHelloTables];  ///< localization tables in use; 0 beyond table_count
+  /// From minor 1 on; both empty in a hello of minor 0, and not written into one.
+  HelloText survey_name;
+  HelloText vertical_datum;  ///< what depth 0 means
 };
 
-inline constexpr std::size_t kMaxHello_bytes = 96 + 4 * kMaxHelloTables;
+/// A hello without tables and with both texts empty.
+inline constexpr std::size_t kLeastHello_bytes = 88;
+inline constexpr std::size_t kMaxHello_bytes =
+    kLeastHello_bytes + 4 * kMaxHelloTables + 2 * kMaxHelloText_bytes;
+
+/// Sets the texts (null is ""; at most kMaxHelloText_bytes of each are read), as much of them as a payload
+/// of `payload_bytes` has room for beside the rest of the hello: first the datum, which every depth needs, then
+/// the name, each cut without splitting a character.
+void name_survey(Hello& hello, const char* survey_name, const char* vertical_datum,
+                 std::size_t payload_bytes);
 
 /// Tag that tile deltas and resend requests carry instead of survey and session: both ends compute it.
 [[nodiscard]] std::uint16_t survey_tag(std::uint64_t survey_id, std::uint32_t session);
@@ -145,7 +164,7 @@ struct Status {
 
   std::uint32_t work_last_voxels;   ///< written in the last cycle
   std::uint32_t work_max_voxels;    ///< most in any cycle
-  std::uint32_t work_bound_voxels;  ///< of a cycle; 0 = none
+  std::uint32_t work_bound_voxels;  ///< no cycle can write more; 0: said by minor 0, none
   std::uint32_t cycle_last_us;      ///< time that the last cycle took; 0 where nobody measures
   std::uint32_t cycle_max_us;
 

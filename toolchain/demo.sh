@@ -96,7 +96,7 @@ vehicle=
 kill -INT "$receiver"
 wait "$receiver" || die "the receiver failed: $(cat "$out/receive.log")"
 receiver=
-tail -n 4 "$out/receive.log"
+tail -n 5 "$out/receive.log"
 
 say "replaying the recorded flight"
 leadline replay "$out/survey.lll" --out "$out/replay"

@@ -12,6 +12,7 @@
 #include "firmware/config/port_section.hpp"
 #include "firmware/config/table_file.hpp"
 #include "firmware/config/text.hpp"
+#include "model/model.hpp"
 
 namespace leadline::host {
 namespace {
@@ -233,13 +234,15 @@ void default_gravity(TomlReader* reader, VehicleFile* file) {
   }
 }
 
+constexpr std::uint32_t kMostBudget_voxels = 16'777'216;
+
 void read_cycle(TomlReader* reader, VehicleFile* file) {
   const TomlSection section = reader->section("cycle");
-  constexpr double kVoxels = 16'777'216;
   read_scaled(section, "period_ms", {1, 1000}, 1e3, &file->cycle_us);
-  read_whole(section, "voxel_budget", {0, kVoxels}, &file->config.cycle_voxel_budget);
+  file->voxel_budget_given = section.has("voxel_budget");
+  read_whole(section, "voxel_budget", {0, kMostBudget_voxels}, &file->config.cycle_voxel_budget);
   read_whole(section, "tile_budget", {1, 4096}, &file->config.cycle_tile_budget);
-  read_whole(section, "ping_voxel_budget", {0, kVoxels}, &file->ping_voxel_budget);
+  read_whole(section, "ping_voxel_budget", {0, kMostBudget_voxels}, &file->ping_voxel_budget);
 }
 
 /// Number of a table's path, which is added when it is new.
@@ -541,13 +544,28 @@ std::string vehicle_file_to_json(const VehicleFile& file) {
   return entries_to_json(entries_of(file));
 }
 
-std::vector<model::LocalizationTable> load_tables(const VehicleFile& file) {
+std::vector<model::LocalizationTable> load_tables(VehicleFile* file) {
   std::vector<model::LocalizationTable> tables;
-  tables.reserve(file.table_paths.size());
-  for (const std::string& path : file.table_paths) {
+  tables.reserve(file->table_paths.size());
+  for (const std::string& path : file->table_paths) {
     tables.push_back(load_table(path));
   }
+  set_default_budget(tables, file);
   return tables;
+}
+
+void set_default_budget(const std::vector<model::LocalizationTable>& tables, VehicleFile* file) {
+  if (file->voxel_budget_given) {
+    return;
+  }
+  const model::ModelConfig& config = file->config.model;
+  std::uint64_t ping_voxels = 0;
+  for (const model::LocalizationTable& table : tables) {
+    const model::Scale scale = model::sensor_scale(config, table, config.max_range_um);
+    ping_voxels = std::max<std::uint64_t>(ping_voxels, model::work_bound(scale).total_voxels);
+  }
+  file->config.cycle_voxel_budget = static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(kDefaultBudget_pings * ping_voxels, kMostBudget_voxels));
 }
 
 }  // namespace leadline::host

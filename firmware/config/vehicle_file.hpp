@@ -14,6 +14,7 @@
 
 #include "firmware/config/survey_sections.hpp"
 #include "firmware/pipeline/config.hpp"
+#include "firmware/pipeline/ping_queue.hpp"
 #include "hal/linux/uri.hpp"
 #include "model/localization_table.hpp"
 
@@ -42,6 +43,7 @@ struct VehicleFile {
   LogConfig log;
   std::int32_t cycle_us = 20'000;       ///< [cycle] period_ms; 1 .. 1000, default 20
   std::uint32_t ping_voxel_budget = 0;  ///< [cycle]; config.model.work_budget_voxels
+  bool voxel_budget_given = false;      ///< [cycle] voxel_budget; else set_default_budget() sets it
   FrameConfig frame;                    ///< for the topside; part of it is in config as well
   GridConfig grid;                      ///< as written
   SonarRanges ranges;
@@ -60,8 +62,15 @@ struct VehicleFile {
 [[nodiscard]] std::string vehicle_file_to_toml(const VehicleFile& file);
 [[nodiscard]] std::string vehicle_file_to_json(const VehicleFile& file);
 
-/// The blocks of table_paths. Throws HostError kInput: what is wrong with one and what to do.
-[[nodiscard]] std::vector<model::LocalizationTable> load_tables(const VehicleFile& file);
+/// The blocks of table_paths, and the default of [cycle] voxel_budget that follows from them. Throws HostError
+/// kInput: what is wrong with one and what to do.
+[[nodiscard]] std::vector<model::LocalizationTable> load_tables(VehicleFile* file);
+
+/// Pings of the worst kind that the default of [cycle] voxel_budget has room for: an eighth of what may wait.
+/// Most pings write a small part of the worst one's voxels.
+inline constexpr std::uint32_t kDefaultBudget_pings = firmware::PingQueue::kCapacity_count / 8;
+/// Sets the default of [cycle] voxel_budget unless the file has one; `tables` by table number.
+void set_default_budget(const std::vector<model::LocalizationTable>& tables, VehicleFile* file);
 
 /// firmware/vehicle.example.toml, built in.
 [[nodiscard]] const char* vehicle_example();

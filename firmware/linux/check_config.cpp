@@ -46,13 +46,11 @@ std::vector<Figure> memory_figures(const VehicleFile& file, const firmware::Vehi
 
 std::vector<Figure> work_figures(const VehicleFile& file, const firmware::Vehicle& vehicle) {
   const model::WorkBound& bound = vehicle.model().bound();
-  const std::uint64_t budget = file.config.cycle_voxel_budget;
   return {
       {"ping_voxels", bound.total_voxels, "voxels that one ping can write"},
       {"ping_shell_voxels", bound.shell_voxels, "of them in the shell"},
       {"ping_cone_voxels", bound.cone_voxels, "of them in the empty cone"},
-      {"cycle_voxels", budget == 0 ? 0 : std::max<std::uint64_t>(budget, bound.total_voxels),
-       "voxels that one cycle can write; 0 = as many pings as come"},
+      {"cycle_voxels", vehicle.cycle_bound_voxels(), "voxels that one cycle can write"},
       {"cycle_tiles", file.config.cycle_tile_budget, "tiles extracted in one cycle"},
       {"cycle_input_bytes", firmware::kMaxCycleBytes, "bytes taken in one cycle"},
       {"cycle_downlink_bytes", firmware::kDownlinkCapacity_bytes, "bytes of frames in one cycle"},

@@ -182,7 +182,7 @@ int fly(VehicleFile& file, const Options& options) {
   file.config.session = loop_options.lockstep_path.empty()
                             ? static_cast<std::uint32_t>(leadline::host::utc_us() / 1'000'000)
                             : 1;
-  const auto tables = leadline::host::load_tables(file);
+  const auto tables = leadline::host::load_tables(&file);
   leadline::host::configure_vehicle(file, tables, the_vehicle, options.config_path);
   std::unique_ptr<Recorder> recorder;
   if (!file.log.path.empty()) {
@@ -209,7 +209,7 @@ int run(const Options& options, bool log_given) {
     return fly(file, options);
   }
   (void)lockstep_path(options.clock);
-  const auto tables = leadline::host::load_tables(file);
+  const auto tables = leadline::host::load_tables(&file);
   leadline::host::configure_vehicle(file, tables, the_vehicle, options.config_path);
   std::cout << (options.json ? leadline::host::check_report_json(file, the_vehicle)
                              : leadline::host::check_report_text(file, the_vehicle));

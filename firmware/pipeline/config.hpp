@@ -149,8 +149,9 @@ struct VehicleConfig {
   model::ModelConfig model;
   std::int32_t epsg;  ///< 0 = none; informative, for the topside
   std::int32_t sound_speed_mm_s;
-  std::uint32_t cycle_voxel_budget;  ///< voxels written per cycle; 0 = no budget
-  std::uint32_t cycle_tile_budget;   ///< tiles extracted per cycle
+  /// Voxels written per cycle; 0 = none but what the queue of pings holds (Vehicle::cycle_bound_voxels).
+  std::uint32_t cycle_voxel_budget;
+  std::uint32_t cycle_tile_budget;  ///< tiles extracted per cycle
   PortConfig ports[kMaxPorts];
   MountConfig mounts[kMaxMounts];
   NavigationConfig navigation;

@@ -27,7 +27,7 @@ using model::TileId;
 constexpr std::int32_t kSigmaVelocity_mm_s = 50;
 constexpr std::int32_t kLongestLever_mm = 1'000'000;
 constexpr std::int32_t kLargestStep_mdb = 6000;
-// The largest hello takes 125.
+// The largest hello without its texts takes 127.
 constexpr std::uint16_t kLeastMtu_bytes = 128;
 constexpr std::uint16_t kMostMtu_bytes = 1400;
 constexpr std::uint32_t kLongestTileAge_us = 60'000'000;
@@ -512,6 +512,15 @@ void Vehicle::keep_mapped(const Pose& pose) {
   mapped_[mapped_count_] = MappedPing{ready_, pose};
   mapped_[mapped_count_].ping.profile = base::RangeProfile{};
   ++mapped_count_;
+}
+
+std::uint32_t Vehicle::cycle_bound_voxels() const {
+  const std::uint32_t ping = model_.bound().total_voxels;
+  if (config_.cycle_voxel_budget != 0) {
+    return max_of(config_.cycle_voxel_budget, ping);
+  }
+  const std::uint64_t queue = std::uint64_t{ping} * PingQueue::kCapacity_count;
+  return static_cast<std::uint32_t>(min_of<std::uint64_t>(queue, UINT32_MAX));
 }
 
 void Vehicle::map_pings() {

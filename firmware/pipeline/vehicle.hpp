@@ -166,6 +166,9 @@ class Vehicle {
   /// The clock of a port's device, 0 <= port < kMaxPorts; knows nothing without kPortDeviceClock.
   [[nodiscard]] const estimator::ClockSync& clock(int port) const { return clocks_[port]; }
   [[nodiscard]] const model::Model& model() const { return model_; }
+  /// No cycle writes more voxels: the budget, or one ping's bound where that is larger; without a budget the
+  /// bound of as many pings as the queue holds. Saturates. O(1).
+  [[nodiscard]] std::uint32_t cycle_bound_voxels() const;
   /// For the host: full extraction after a replay. What the vehicle does next stays the same.
   [[nodiscard]] model::Model& model() { return model_; }
 

@@ -151,6 +151,8 @@ void Vehicle::send_hello() {
   for (int i = 0; i < config_.table_count; ++i) {
     hello.table_crc[i] = table_crc_[i];
   }
+  proto::name_survey(hello, config_.survey_name, config_.vertical_datum,
+                     proto::max_payload_bytes(config_.link.mtu_bytes));
   if (put(proto::encode_hello(hello, payload_.data(), payload_.size()))) {
     watch_.origin_said = has_origin;
     watch_.hello_gap_us = min_of<TimeUs>(news ? kFirstHelloGap_us : 2 * watch_.hello_gap_us,
@@ -223,10 +225,7 @@ void Vehicle::fill_status(proto::Status& status) const {
   status.recorder_lost = host_.recorder_lost;
   status.work_last_voxels = counters_.work_last_voxels;
   status.work_max_voxels = counters_.work_max_voxels;
-  status.work_bound_voxels =
-      config_.cycle_voxel_budget == 0
-          ? 0
-          : base::max_of(config_.cycle_voxel_budget, model_.bound().total_voxels);
+  status.work_bound_voxels = cycle_bound_voxels();
 
   static_assert(proto::kPingNotConfigured == static_cast<int>(model::PingResult::kNotConfigured),
                 "the outcomes' first part is the model's own");

@@ -223,8 +223,13 @@ int run_simulated_flight(const FlightOptions& options) {
   Fleet fleet(mission);
   OutputDir out(options.out_dir);
   const std::string toml = mission_vehicle_toml(mission, fleet.ground(), simulated_links(mission));
-  const VehicleFile file = parse_vehicle_file(toml, "vehicle.toml", "");
+  VehicleFile file = parse_vehicle_file(toml, "vehicle.toml", "");
   const std::vector<MissionTable> blocks = mission_tables(mission);
+  std::vector<model::LocalizationTable> by_number;
+  for (const MissionTable& block : blocks) {
+    by_number.push_back(block.table);
+  }
+  set_default_budget(by_number, &file);
   const std::vector<std::vector<std::uint8_t>> tables = table_bytes(blocks);
   const HostVehicle vehicle(file.config, tables, "vehicle.toml");
 

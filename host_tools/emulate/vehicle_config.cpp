@@ -182,7 +182,8 @@ std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
           "\nsound_speed_mm_s = " + std::to_string(sonar.sound_speed_mm_s) + "\n\n";
   text += navigation_text(mission) + "\n";
   text += "[frame]\nlat = " + number_text(mission.navigation.latitude_deg) +
-          "\nlon = " + number_text(mission.navigation.longitude_deg) + "\n\n";
+          "\nlon = " + number_text(mission.navigation.longitude_deg) +
+          "\nvertical_datum = \"sea surface\"\n\n";
   // Depths of the tiles that changed most, fifty a second: a survey line changes fewer.
   text += "[cycle]\ntile_budget = 1\n\n";
   for (const HeadSpec& head : mission.heads) {

@@ -153,7 +153,7 @@ void ply_line(PackedBytes* ply, const std::string& text) { ply->text(text + "\n"
 void ply_head(PackedBytes* ply, const MapSource& source, const ExportPlan& plan) {
   ply_line(ply, "ply");
   ply_line(ply, "format binary_little_endian 1.0");
-  ply_line(ply, "comment leadline: " + printable(source.origin, 200));
+  ply_line(ply, "comment leadline: " + origin_text(source, plan));
   ply_line(ply, "comment x east, y north, local metres; z " + std::string(sign_text(plan.sign)));
   ply_line(ply, "comment vertical datum: " + printable(datum_text(plan.reference), 100));
 }
@@ -208,6 +208,11 @@ std::vector<std::array<std::int32_t, 3>> triangles(const Raster& raster,
 
 [[noreturn]] void export_usage_error(const std::string& message) {
   throw HostError(ExitCode::kUsage, "export: " + message);
+}
+
+std::string origin_text(const MapSource& source, const ExportPlan& plan) {
+  const std::string name = plan.reference.survey_name.value_or("");
+  return printable(source.origin, 200) + (name.empty() ? "" : ", survey " + printable(name, 100));
 }
 
 std::string datum_text(const GeoReference& reference) {
@@ -341,7 +346,7 @@ std::string format_xyz(const MapSource& source, const ExportPlan& plan) {
     frame = std::make_unique<GeographicFrame>(plan.reference);
   }
   // Lines that start with neither digit, space nor sign are comments to MB-System.
-  std::string text = "# leadline: " + printable(source.origin, 200) + "\n";
+  std::string text = "# leadline: " + origin_text(source, plan) + "\n";
   text += "# MB-System format " +
           std::string(plan.format == ExportFormat::kXyz162 ? "162" : "168") + ", " +
           sign_text(plan.sign) + ", vertical datum: " + printable(datum_text(plan.reference), 100) +

@@ -14,6 +14,9 @@ namespace leadline::host {
 /// HostError kUsage, "export: " in front.
 [[noreturn]] void export_usage_error(const std::string& message);
 
+/// Where the map comes from, and the survey's name: fit to be printed.
+[[nodiscard]] std::string origin_text(const MapSource& source, const ExportPlan& plan);
+
 /// The vertical datum in words, "not stated" where nobody did.
 [[nodiscard]] std::string datum_text(const GeoReference& reference);
 

@@ -191,7 +191,7 @@ std::string format_las(const MapSource& source, const ExportPlan& plan) {
   const std::array<LasAxis, 3> axes = {fit_axis(points, 0, plane_digits),
                                        fit_axis(points, 1, plane_digits),
                                        fit_axis(points, 2, metre_digits)};
-  const std::string words = "leadline: " + printable(source.origin, 200) + "; z is " +
+  const std::string words = "leadline: " + origin_text(source, plan) + "; z is " +
                             sign_text(plan.sign) + ", vertical datum " +
                             printable(datum_text(plan.reference), 100) + "; x and y are " +
                             coordinates_text(source, plan);

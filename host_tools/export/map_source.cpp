@@ -7,17 +7,16 @@
 #include <nlohmann/json.hpp>
 
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/map_output.hpp"
+#include "host_tools/topside/flight_log.hpp"
 #include "host_tools/topside/receiver.hpp"
+#include "host_tools/topside/soundings.hpp"
 #include "proto/framing.hpp"
 
 namespace leadline::host {
 namespace {
 
 namespace fs = std::filesystem;
-
-GeoReference config_reference(const FrameConfig& frame) {
-  return {frame.lat_deg, frame.lon_deg, frame.epsg, frame.vertical_datum};
-}
 
 /// The place as `leadline receive` has left it beside its map.
 GeoReference received_reference(const std::string& path) {
@@ -38,7 +37,25 @@ GeoReference received_reference(const std::string& path) {
   if (const std::optional<double> epsg = number("epsg")) {
     reference.epsg = static_cast<int>(*epsg);
   }
+  const auto text = [](const nlohmann::json& of, const char* key) -> std::optional<std::string> {
+    const auto found = of.find(key);
+    const bool there = found != of.end() && found->is_string();
+    return there ? std::optional<std::string>(found->get<std::string>()) : std::nullopt;
+  };
+  reference.vertical_datum = text(frame, "vertical_datum");
+  reference.survey_name = text(summary, "survey_name");
   return reference;
+}
+
+/// The configuration has the texts in full where a hello had no room for them, and says them where the hello is
+/// older than that. A log without a whole configuration still has its hellos.
+void take_configured_names(const std::string& path, GeoReference* reference) {
+  try {
+    const FlightLog log(path);
+    reference->vertical_datum = config_text(log.config().vertical_datum);
+    reference->survey_name = config_text(log.config().survey_name);
+  } catch (const HostError&) {
+  }
 }
 
 /// A log starts with a frame, hence with a zero byte: no raster does.
@@ -71,6 +88,7 @@ MapSource load_log(const std::string& path) {
   source.elevation = store->elevation();
   source.sigma = store->sigma();
   source.reference = hello_reference(store->hello());
+  take_configured_names(path, &source.reference);
   source.origin = path + ", the link's map";
   return source;
 }
@@ -90,7 +108,7 @@ MapSource load_folder(const std::string& path) {
   }
   if (fs::exists(path + "/model.llm", ignored)) {
     source.model = load_model_file(path);
-    source.reference = config_reference(source.model->config.frame);
+    source.reference = map_reference(source.model->config);
   } else if (fs::exists(path + "/receive.json", ignored)) {
     source.reference = received_reference(path + "/receive.json");
   }
@@ -114,6 +132,9 @@ MapSource load_file(const std::string& path) {
   if (!content.vertical_datum.empty()) {
     source.reference.vertical_datum = content.vertical_datum;
   }
+  if (!content.survey_name.empty()) {
+    source.reference.survey_name = content.survey_name;
+  }
   return source;
 }
 
@@ -128,6 +149,12 @@ GeoReference hello_reference(const proto::Hello& hello) {
   if (hello.epsg != 0) {
     reference.epsg = hello.epsg;
   }
+  const auto text = [](const proto::HelloText& from) -> std::optional<std::string> {
+    return from.size_bytes == 0 ? std::nullopt
+                                : std::optional<std::string>({from.text, from.size_bytes});
+  };
+  reference.vertical_datum = text(hello.vertical_datum);
+  reference.survey_name = text(hello.survey_name);
   return reference;
 }
 

@@ -23,7 +23,7 @@ struct MapSource {
 /// Errors: HostError kInput naming the file.
 [[nodiscard]] MapSource load_map_source(const std::string& path);
 
-/// What a hello says of the place.
+/// What a hello says of the place, and the survey's name.
 [[nodiscard]] GeoReference hello_reference(const proto::Hello& hello);
 
 }  // namespace leadline::host

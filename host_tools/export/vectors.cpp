@@ -202,7 +202,7 @@ std::string format_geojson(const MapSource& source, const ExportPlan& plan) {
   const PointText points(source, plan);
   // Members of our own come before the features: who reads only the beginning learns what this is.
   std::string text = "{\"type\": \"FeatureCollection\",\n\"leadline\": {\"source\": " +
-                     json_string(printable(source.origin, 200)) +
+                     json_string(origin_text(source, plan)) +
                      ", \"coordinates\": " + json_string(coordinates_text(source, plan)) +
                      ", \"heights\": " + json_string(sign_text(plan.sign)) +
                      ", \"vertical_datum\": " + json_string(datum_text(plan.reference)) + "},\n" +
@@ -234,7 +234,7 @@ std::string format_kml(const MapSource& source, const ExportPlan& plan) {
   std::string text =
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
       "<kml xmlns=\"http://www.opengis.net/kml/2.2\">\n<Document>\n<name>" +
-      xml_text(source.origin) + "</name>\n<description>" +
+      xml_text(origin_text(source, plan)) + "</name>\n<description>" +
       xml_text(std::string(sign_text(plan.sign)) + ", vertical datum: " +
                datum_text(plan.reference) + ", from " + coordinates_text(source, plan)) +
       "</description>\n"

@@ -107,8 +107,8 @@ std::vector<std::vector<std::uint8_t>> block_bytes(
 }
 
 int import_log(const ImportOptions& options) {
-  const VehicleFile file = load_vehicle_file(options.config_path);
-  const std::vector<std::vector<std::uint8_t>> tables = block_bytes(load_tables(file));
+  VehicleFile file = load_vehicle_file(options.config_path);
+  const std::vector<std::vector<std::uint8_t>> tables = block_bytes(load_tables(&file));
   RecordedDevices devices(open_all(options, file), file.port_uris.size(), options.bytes_per_s);
   check_span(devices);
   const HostVehicle vehicle(file.config, tables, options.config_path);

@@ -43,6 +43,11 @@ std::string live_text(const Receiver& receiver, double bytes_per_s) {
   line += " B/s, ";
   append_fixed(&line, receiver.bytes_per_changed_cell(), 2);
   line += " B/cell";
+  if (const auto work = receiver.work_share()) {
+    line += ", work ";
+    append_fixed(&line, 100.0 * *work, 0);
+    line += " %";
+  }
   const std::string alarms = receiver.status() ? alarm_text(receiver.status()->alarms) : "";
   return line + (alarms.empty() ? "" : " | " + alarms);
 }

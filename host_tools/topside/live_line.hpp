@@ -23,7 +23,7 @@ class LiveLine {
   bool drawn_ = false;
 };
 
-/// Map, rate and alarms in one line.
+/// Map, rate, work and alarms in one line.
 [[nodiscard]] std::string live_text(const Receiver& receiver, double bytes_per_s);
 
 }  // namespace leadline::host

@@ -217,8 +217,13 @@ class Session {
               << counters.bytes << " bytes, " << counters.frames << " frames ("
               << counters.damaged_frames << " damaged), "
               << fixed_text(receiver_.bytes_per_changed_cell(), 2) << " bytes per changed cell, "
-              << fixed_text(receiver_.bytes_per_changed_cell_all(), 2) << " with all else\n"
-              << "cells_hash=" << hex_text(store.cells_hash(), 16);
+              << fixed_text(receiver_.bytes_per_changed_cell_all(), 2) << " with all else\n";
+    if (const auto work = receiver_.work_share()) {
+      std::cout << "largest cycle " << receiver_.status()->work_max_voxels << " voxels, "
+                << fixed_text(100.0 * *work, 1) << " % of the bound of "
+                << receiver_.status()->work_bound_voxels << "\n";
+    }
+    std::cout << "cells_hash=" << hex_text(store.cells_hash(), 16);
     if (vehicle_cells_hash_) {
       std::cout << (*vehicle_cells_hash_ == store.cells_hash() ? ", the vehicle's own"
                                                                : ", not the vehicle's");
@@ -251,9 +256,14 @@ std::string frame_json(const proto::Hello& hello) {
     text += "\"lat\": " + json_number(*reference.lat_deg) +
             ", \"lon\": " + json_number(*reference.lon_deg);
   }
+  const auto add = [&text](const char* key, const std::string& value) {
+    text += (text.empty() ? "\"" : ", \"") + std::string(key) + "\": " + value;
+  };
   if (reference.epsg) {
-    text +=
-        (text.empty() ? "" : ", ") + std::string("\"epsg\": ") + std::to_string(*reference.epsg);
+    add("epsg", std::to_string(*reference.epsg));
+  }
+  if (reference.vertical_datum) {
+    add("vertical_datum", json_string(*reference.vertical_datum));
   }
   return "{" + text + "}";
 }
@@ -280,6 +290,9 @@ std::string receive_summary_json(const Receiver& receiver,
   if (store != nullptr) {
     add("survey_id", std::to_string(store->hello().survey_id));
     add("session", std::to_string(store->hello().session));
+    if (const auto name = hello_reference(store->hello()).survey_name) {
+      add("survey_name", json_string(*name));
+    }
     add("cell_m", json_number(store->hello().cell_mm / 1000.0));
     add("cells", std::to_string(store->grid_cells()));
     add("known_cells", std::to_string(store->known_cells()));
@@ -306,6 +319,9 @@ std::string receive_summary_json(const Receiver& receiver,
   add("bytes_per_changed_cell_all", json_number(receiver.bytes_per_changed_cell_all()));
   if (receiver.status()) {
     add("pings", std::to_string(receiver.status()->pings[proto::kPingFused]));
+    add("work_last_voxels", std::to_string(receiver.status()->work_last_voxels));
+    add("work_max_voxels", std::to_string(receiver.status()->work_max_voxels));
+    add("work_bound_voxels", std::to_string(receiver.status()->work_bound_voxels));
     add("alarms", json_string(alarm_text(receiver.status()->alarms)));
   }
   return text + "\n}\n";

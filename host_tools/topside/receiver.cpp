@@ -12,7 +12,9 @@ namespace {
 constexpr std::size_t kMaxEarlyPackets = 4096;
 
 std::string survey_text(const proto::Hello& hello) {
-  return "survey " + std::to_string(hello.survey_id) + ", session " + std::to_string(hello.session);
+  const std::string name(hello.survey_name.text, hello.survey_name.size_bytes);
+  return "survey " + std::to_string(hello.survey_id) + (name.empty() ? "" : " (" + name + ")") +
+         ", session " + std::to_string(hello.session);
 }
 
 /// Whether two hellos speak of one map.
@@ -293,6 +295,14 @@ double Receiver::bytes_per_changed_cell_all() const {
   return counters_.delta_cells == 0 ? 0.0
                                     : static_cast<double>(counters_.link_bytes) /
                                           static_cast<double>(counters_.delta_cells);
+}
+
+std::optional<double> Receiver::work_share() const {
+  if (!status_ || status_->work_bound_voxels == 0) {
+    return std::nullopt;
+  }
+  return static_cast<double>(status_->work_max_voxels) /
+         static_cast<double>(status_->work_bound_voxels);
 }
 
 std::vector<ReceiverNotice> Receiver::take_notices() { return std::exchange(notices_, {}); }

@@ -68,6 +68,9 @@ class Receiver {
   [[nodiscard]] double bytes_per_changed_cell() const;
   /// Bytes of everything that the link carried down, per the same.
   [[nodiscard]] double bytes_per_changed_cell_all() const;
+  /// The most work of any cycle against what no cycle passes; none before a status has said the bound (a brief
+  /// does not).
+  [[nodiscard]] std::optional<double> work_share() const;
   /// What the end record of a log said of the vehicle's map, where one was read.
   [[nodiscard]] const std::optional<std::uint64_t>& vehicle_cells_hash() const {
     return vehicle_cells_hash_;

@@ -76,9 +76,7 @@ void write_results(const ReplayOptions& options, const FlightLog& log, firmware:
   vehicle->model().extract();
   const ModelRasters rasters = model_rasters(vehicle->model());
   output.write("model.llm", save_model(vehicle->model(), config));
-  stage_map(
-      &output, rasters.elevation, rasters.sigma,
-      {config.frame.lat_deg, config.frame.lon_deg, config.frame.epsg, config.frame.vertical_datum});
+  stage_map(&output, rasters.elevation, rasters.sigma, map_reference(config));
   output.write("pings.csv", soundings.csv());
   output.write("map.toml", map_config_to_toml(config));
   output.write("replay.json", result_json(result));

@@ -66,6 +66,11 @@ std::string Soundings::csv() const {
   return text;
 }
 
+std::optional<std::string> config_text(const char (&text)[firmware::kMaxConfigText_bytes]) {
+  const char* const end = std::find(text, text + sizeof text, '\0');
+  return end == text ? std::nullopt : std::optional<std::string>({text, end});
+}
+
 MapConfig flight_map_config(const firmware::VehicleConfig& config,
                             const model::LocalizationTable& table) {
   const model::ModelConfig& model = config.model;
@@ -99,11 +104,8 @@ MapConfig flight_map_config(const firmware::VehicleConfig& config,
   if (config.epsg != 0) {
     map.frame.epsg = config.epsg;
   }
-  if (config.vertical_datum[0] != '\0') {
-    const char* const datum = config.vertical_datum;
-    map.frame.vertical_datum =
-        std::string(datum, std::find(datum, datum + sizeof config.vertical_datum, '\0'));
-  }
+  map.frame.vertical_datum = config_text(config.vertical_datum);
+  map.survey_name = config_text(config.survey_name);
   return map;
 }
 

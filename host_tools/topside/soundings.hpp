@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,10 @@ class Soundings {
  private:
   std::vector<firmware::MappedPing> pings_;
 };
+
+/// A text of a vehicle's configuration; none when it is empty.
+[[nodiscard]] std::optional<std::string> config_text(
+    const char (&text)[firmware::kMaxConfigText_bytes]);
 
 /// map.toml for those rows. The beam is what the table says of it: a cone as wide as its envelope.
 [[nodiscard]] MapConfig flight_map_config(const firmware::VehicleConfig& config,

@@ -21,6 +21,7 @@ VEHICLE = os.environ["LEADLINE_VEHICLE"]
 SMALL = ["--set", "north_count=40", "--set", "east_count=40", "--set", "line_spacing_m=4",
          "--set", "settle_s=2"]
 MAP = ["depth.asc", "depth.png", "depth.tif", "receive.json", "sigma.asc"]
+DATUM = "sea surface"
 PATIENCE_S = 60  # for what takes a moment; nothing here asserts how long it took
 
 
@@ -45,6 +46,15 @@ def cobs(data):
             out += bytes([len(block) + 1]) + block
         block = bytearray()
     return bytes(out + bytes([len(block) + 1]) + block)
+
+
+def uncobs(body):
+    out, at = bytearray(), 0
+    while at < len(body):
+        code = body[at]
+        out += body[at + 1:at + code] + (b"\0" if code != 255 and at + code < len(body) else b"")
+        at += code
+    return bytes(out)
 
 
 def frame(payload):
@@ -168,6 +178,48 @@ class Receive(Chain):
         self.assertEqual(sorted(os.listdir(self.out)), MAP)
         self.assertEqual(json.loads((self.out / "receive.json").read_text())["cells_hash"],
                          result["cells_hash"])
+
+    def test_names_and_work_come_over_the_link(self):
+        result = json.loads(self.expect(self.receive(b"".join(self.downlink())), OK).stdout)
+        self.assertEqual(result["survey_name"], "emulated")
+        self.assertEqual(result["frame"]["vertical_datum"], DATUM)
+        self.assertGreater(result["work_max_voxels"], 0)
+        self.assertLess(result["work_max_voxels"], result["work_bound_voxels"])
+        # The map carries them on, whatever it becomes.
+        self.assert_named(self.out)
+        # Nothing of the texts in a hello of minor 0: the map is the same, and says less.
+        old = []
+        for whole in self.downlink():
+            payload = uncobs(whole[1:-1])[:-4]
+            if payload[0] == 1:
+                payload = payload[:2] + b"\0" + payload[3:86 + 4 * payload[85]]
+            old.append(frame(payload))
+        earlier = json.loads(self.expect(self.receive(b"".join(old)), OK).stdout)
+        self.assertEqual(earlier["cells_hash"], result["cells_hash"])
+        self.assertNotIn("survey_name", earlier)
+        self.assertNotIn("vertical_datum", earlier["frame"])
+        self.assertIn("vertical datum: not stated", self.exported(self.out))
+
+    def exported(self, source):
+        return self.expect(self.run_leadline("export", source, "--format", "xyz168", "--out", "-"),
+                           OK).stdout
+
+    def assert_named(self, source):
+        text = self.exported(source)
+        self.assertIn("vertical datum: " + DATUM, text)
+        self.assertIn(", survey emulated\n", text)
+        picture = self.dir / "again.tif"
+        self.expect(self.run_leadline("export", source, "--format", "geotiff", "--out", picture), OK)
+        self.assertIn(b"LEADLINE_SURVEY", picture.read_bytes())
+        self.assertIn("vertical datum: " + DATUM, self.exported(picture))
+
+    def test_logs_and_replays_are_named(self):
+        self.assert_named(self.flight / "survey.lll")
+        self.expect(self.run_leadline("replay", self.flight / "survey.lll", "--out", self.out), OK)
+        self.assert_named(self.out)
+        toml = (self.out / "map.toml").read_text()
+        self.assertIn(f'vertical_datum = "{DATUM}"\n', toml)
+        self.assertIn('[survey]\nname = "emulated"\n', toml)
 
     def test_the_link_alone_is_enough(self):
         done = self.expect(self.receive(b"".join(self.downlink()), "--compare-log",

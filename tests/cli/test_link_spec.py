@@ -361,6 +361,26 @@ class Messages(unittest.TestCase):
         hello = as_bytes(fences("Vectors of the messages")[0])
         self.assertEqual(crc32c(hello[8:20]) & 0xFFFF, 0xEB54)
 
+    def test_hello_of_both_minors(self):
+        hello = as_bytes(fences("Vectors of the messages")[0])
+        self.assertEqual((hello[1], hello[2]), (1, 1))
+
+        def texts(payload):
+            at = 86 + 4 * payload[85]
+            found = []
+            while payload[2] >= 1 and len(found) < 2:
+                size = payload[at]
+                found.append(payload[at + 1:at + 1 + size].decode("utf-8"))
+                at += 1 + size
+            self.assertEqual(at, len(payload))
+            return found
+
+        self.assertEqual(texts(hello), ["Kieler F\u00f6rde", "NHN"])
+        least = 86 + 4 * hello[85]
+        self.assertEqual(texts(hello[:2] + b"\0" + hello[3:least]), [])
+        # What the text says of the least MTU: delimiters, COBS code and CRC are the frame's share.
+        self.assertEqual(128 - 2 - 1 - 4 - (86 + 4 + 2), 29)
+
     def test_brief_and_full_status_agree(self):
         full, brief = (as_bytes(text) for text in fences("Vectors of the messages")[1:3])
         at = 5

@@ -44,6 +44,7 @@ inline Bytes spec_bytes(const std::string& mark) { return from_hex(spec_block(ma
 inline proto::Hello sample_hello() {
   proto::Hello hello{};
   hello.protocol_major = 1;
+  hello.protocol_minor = 1;
   hello.tile_side_cells = 16;
   hello.table_count = 2;
   hello.schema_hash = proto::schema_hash();
@@ -62,6 +63,7 @@ inline proto::Hello sample_hello() {
   hello.epsg = 32632;
   hello.table_crc[0] = 1;
   hello.table_crc[1] = 0xFFFFFFFF;
+  proto::name_survey(hello, "Kieler F\xC3\xB6rde", "NHN", proto::kMaxHello_bytes);
   return hello;
 }
 

@@ -165,6 +165,21 @@ TEST(bytes_beyond_the_limit_of_a_cycle_are_dropped_and_said) {
   assert_true((vehicle.counters().alarms & leadline::proto::kAlarmInputDropped) != 0);
 }
 
+TEST(a_cycle_s_work_is_bounded_with_and_without_a_budget) {
+  VehicleConfig config = rig_config();
+  configure_rig(vehicle, config);
+  const std::uint32_t ping = vehicle.model().bound().total_voxels;
+  assert_true(ping > 0);
+  assert_int_equal(vehicle.cycle_bound_voxels(), 256 * ping);
+  config.cycle_voxel_budget = 3 * ping + 1;
+  configure_rig(vehicle, config);
+  assert_int_equal(vehicle.cycle_bound_voxels(), 3 * ping + 1);
+  // One ping goes through whatever the budget is.
+  config.cycle_voxel_budget = 1;
+  configure_rig(vehicle, config);
+  assert_int_equal(vehicle.cycle_bound_voxels(), ping);
+}
+
 TEST(losses_have_names) {
   for (int i = 0; i < static_cast<int>(PingLoss::kCount); ++i) {
     assert_true(std::strcmp(ping_loss_name(static_cast<PingLoss>(i)), "unknown") != 0);

@@ -194,6 +194,8 @@ Bytes blob_of(std::size_t size) {
 }
 
 constexpr std::uint32_t kGoldenCycles = 3;
+// The golden file is of minor 0 of the messages.
+constexpr std::uint32_t kGoldenSchemaHash = 0x13EDA2BF;
 
 /// A survey of three cycles: two tables, one of two pieces, chunks with and without bytes, a hello, a
 /// status and a tile delta in the downlink, a gap, an end.
@@ -204,6 +206,7 @@ Bytes golden_log() {
   const Bytes small = blob_of(40);
   const Bytes large = blob_of(5000);
   LogHeader header = sample_log_header();
+  header.schema_hash = kGoldenSchemaHash;
   header.config = {crc32c(config.data(), config.size()), 300};
   header.table_count = 2;
   header.tables[0] = {crc32c(small.data(), small.size()), 40};
@@ -229,7 +232,10 @@ Bytes golden_log() {
     Bytes frame(frame_bound_bytes(kMaxPayload_bytes));
     std::size_t size = 0;
     if (cycle == 0) {
-      size = encode_hello(sample_hello(), payload.data(), payload.size()).value();
+      Hello hello = sample_hello();
+      hello.protocol_minor = 0;
+      hello.schema_hash = kGoldenSchemaHash;
+      size = encode_hello(hello, payload.data(), payload.size()).value();
     } else if (cycle == 1) {
       size = encode_status(sample_status(), payload.data(), payload.size()).value();
     } else {
@@ -311,6 +317,13 @@ TEST(golden_log_reads_as_when_it_was_written) {
   for (std::size_t i = 0; i < types.size(); ++i) {
     assert_int_equal(type(i), types[i]);
   }
+  // Its hello is older than the names.
+  const auto hello = decode_hello(read.records[11].data(), read.records[11].size());
+  assert_true(hello.ok());
+  assert_int_equal(hello.value().protocol_minor, 0);
+  assert_int_equal(hello.value().table_crc[1], 0xFFFFFFFF);
+  assert_int_equal(hello.value().survey_name.size_bytes, 0);
+  assert_int_equal(hello.value().vertical_datum.size_bytes, 0);
 }
 
 TEST(golden_log_carries_its_blobs) {

@@ -123,6 +123,48 @@ TEST(a_brief_brings_a_status_up_to_date) {
   assert_true(status.t_us == -7000);
 }
 
+std::string text_of(const HelloText& text) { return {text.text, text.size_bytes}; }
+
+TEST(names_of_a_hello_fit_the_link) {
+  Hello hello = sample_hello();
+  const Bytes bytes = encoded(hello, encode_hello);
+  const Hello back = decode_hello(bytes.data(), bytes.size()).value();
+  assert_string_equal(text_of(back.survey_name).c_str(), "Kieler F\xC3\xB6rde");
+  assert_string_equal(text_of(back.vertical_datum).c_str(), "NHN");
+
+  // The least MTU: one table leaves 29 bytes, the datum takes its own first; a character is not split.
+  hello.table_count = 1;
+  const std::size_t least = max_payload_bytes(128);
+  name_survey(hello, "0123456789012345678901234\xC3\xB6", "NHN", least);
+  assert_string_equal(text_of(hello.vertical_datum).c_str(), "NHN");
+  assert_string_equal(text_of(hello.survey_name).c_str(), "0123456789012345678901234");
+  assert_int_equal(encoded(hello, encode_hello).size(), least - 1);
+  name_survey(hello, "01234567890123456789012345", "NHN", least);
+  assert_int_equal(encoded(hello, encode_hello).size(), least);
+  // All tables: a byte is left; and no room at all is no error.
+  hello.table_count = kMaxHelloTables;
+  name_survey(hello, "name", "MSL", least);
+  assert_string_equal(text_of(hello.vertical_datum).c_str(), "M");
+  assert_int_equal(hello.survey_name.size_bytes, 0);
+  assert_int_equal(encoded(hello, encode_hello).size(), least);
+  name_survey(hello, "name", nullptr, 0);
+  assert_int_equal(hello.survey_name.size_bytes, 0);
+  // Not terminated at the configuration's 64 bytes; nothing behind a control character.
+  name_survey(hello, std::string(70, 'n').c_str(), "a\nb", kMaxPayload_bytes);
+  assert_int_equal(hello.survey_name.size_bytes, kMaxHelloText_bytes);
+  assert_string_equal(text_of(hello.vertical_datum).c_str(), "a");
+}
+
+TEST(a_hello_of_minor_0_has_no_names) {
+  Hello hello = sample_hello();
+  hello.protocol_minor = 0;
+  const Bytes bytes = encoded(hello, encode_hello);
+  assert_int_equal(bytes.size(), kLeastHello_bytes - 2 + 8);
+  const Hello back = decode_hello(bytes.data(), bytes.size()).value();
+  assert_int_equal(back.survey_name.size_bytes, 0);
+  assert_int_equal(back.vertical_datum.size_bytes, 0);
+}
+
 TEST(hello_request_is_a_byte) {
   std::uint8_t byte = 0;
   assert_int_equal(static_cast<int>(encode_hello_request(&byte, 0).status()),
@@ -151,15 +193,18 @@ TEST(resend_request_is_as_specified) {
 
 TEST(schema_text_stands_in_the_specification) {
   assert_string_equal(schema_text(), spec_block("# Schema\n").c_str());
-  assert_int_equal(schema_hash(), 0x13EDA2BF);
+  assert_int_equal(schema_hash(), 0xA40E0EC6);
 }
 
 TEST(largest_messages_fit_their_bounds) {
   Bytes bytes(kMaxPayload_bytes);
   Hello hello = sample_hello();
   hello.table_count = kMaxHelloTables;
+  const std::string longest(kMaxHelloText_bytes, 'x');
+  name_survey(hello, longest.c_str(), longest.c_str(), kMaxPayload_bytes);
   auto size = encode_hello(hello, bytes.data(), kMaxHello_bytes);
   assert_true(size.ok());
+  assert_int_equal(size.value(), kMaxHello_bytes);
   Status status = sample_status();
   status.port_count = kMaxStatusPorts;
   std::uint32_t* const first = &status.work_last_voxels;
@@ -216,12 +261,18 @@ TEST(hello_fields_out_of_range_are_refused) {
   refused(with([](Hello& h) { h.longitude_e9deg = -180'000'000'001; }), encode_hello);
   refused(with([](Hello& h) { h.has_geodetic_origin = 2; }), encode_hello);
   refused(with([](Hello& h) { h.epsg = -1; }), encode_hello);
+  refused(with([](Hello& h) { h.survey_name.size_bytes = 65; }), encode_hello);
+  refused(with([](Hello& h) { h.survey_name.text[0] = '\n'; }), encode_hello);
+  refused(with([](Hello& h) { h.vertical_datum.text[2] = '\xC3'; }), encode_hello);
 
   const Bytes bytes = encoded(sample_hello(), encode_hello);
   refused_bytes(bytes, 1, 2, BaseStatus::kBadVersion, decode_hello);
   refused_bytes(bytes, 3, 32, BaseStatus::kOutOfRange, decode_hello);
   refused_bytes(bytes, 27, 0x80, BaseStatus::kOutOfRange, decode_hello);  // cell_mm < 0
   refused_bytes(bytes, 85, 9, BaseStatus::kOutOfRange, decode_hello);     // table_count
+  refused_bytes(bytes, 94, 65, BaseStatus::kOutOfRange, decode_hello);    // size of the name
+  refused_bytes(bytes, 95, 0x7F, BaseStatus::kOutOfRange, decode_hello);
+  refused_bytes(bytes, 108, 9, BaseStatus::kTruncated, decode_hello);  // size of the datum
   // A newer minor of the same major is a peer.
   Bytes newer = bytes;
   newer[2] = 9;
