@@ -5,6 +5,11 @@
 namespace leadline::model {
 namespace {
 
+using base::rounded_units;
+using base::saturated_sum;
+
+constexpr std::uint32_t kWholeTap_q15 = 32768;
+
 // Smoothing multiplies by at most 9: evidence is brought below 2^11 to stay within 15 bits.
 constexpr int kSmoothBits = 11;
 
@@ -52,8 +57,8 @@ void add_shell_scalar(Voxel* voxels, const std::int16_t* taps, std::int32_t coun
   for (std::int32_t i = 0; i < count; ++i) {
     const auto tap = static_cast<std::uint32_t>(taps[i]);
     const std::uint32_t dither = dither_q22(dither_base, first + static_cast<std::uint32_t>(i));
-    voxels[i].hit = add_saturated(voxels[i].hit, (tap * evidence.hit_q7 + dither) >> 22U);
-    voxels[i].miss = add_saturated(voxels[i].miss, (tap * evidence.miss_q7 + dither) >> 22U);
+    voxels[i].hit = saturated_sum(voxels[i].hit, rounded_units(tap, evidence.hit_q7, dither));
+    voxels[i].miss = saturated_sum(voxels[i].miss, rounded_units(tap, evidence.miss_q7, dither));
   }
 }
 
@@ -61,57 +66,48 @@ void add_uniform_scalar(Voxel* voxels, std::int32_t count, std::uint32_t first,
                         const Evidence& evidence, std::uint32_t dither_base) {
   for (std::int32_t i = 0; i < count; ++i) {
     const std::uint32_t dither = dither_q22(dither_base, first + static_cast<std::uint32_t>(i));
-    voxels[i].hit = add_saturated(voxels[i].hit, ((evidence.hit_q7 << 15U) + dither) >> 22U);
-    voxels[i].miss = add_saturated(voxels[i].miss, ((evidence.miss_q7 << 15U) + dither) >> 22U);
+    voxels[i].hit =
+        saturated_sum(voxels[i].hit, rounded_units(kWholeTap_q15, evidence.hit_q7, dither));
+    voxels[i].miss =
+        saturated_sum(voxels[i].miss, rounded_units(kWholeTap_q15, evidence.miss_q7, dither));
   }
 }
 
 namespace {
 
-constexpr std::int32_t kFull = 65535;
-constexpr std::int32_t kOne_q15 = 32768;
-
-// |target - half| * 2^15 and the dither stay below 2^31.
-std::uint16_t pulled_half(std::uint16_t half, std::int32_t target, std::int32_t share_q15,
-                          std::int32_t dither_q15) {
-  return static_cast<std::uint16_t>(half + (((target - half) * share_q15 + dither_q15) >> 15));
-}
+constexpr std::uint32_t kFull = 65535;
+constexpr std::uint32_t kOne_q15 = 32768;
 
 // The source's recursive filter, on the two halves; they round in opposite directions, so that their sum
 // does not wander.
-void pull_recursive(Voxel& voxel, std::int32_t share_q15, std::int32_t signal_q16,
-                    std::int32_t dither_q15) {
-  voxel.hit = pulled_half(voxel.hit, signal_q16, share_q15, dither_q15);
-  voxel.miss = pulled_half(voxel.miss, kFull - signal_q16, share_q15, kOne_q15 - 1 - dither_q15);
+void pull_recursive(Voxel& voxel, std::uint32_t share_q15, std::uint32_t signal_q16,
+                    std::uint32_t dither_q15) {
+  voxel.hit = base::pulled_half(voxel.hit, signal_q16, share_q15, dither_q15);
+  voxel.miss =
+      base::pulled_half(voxel.miss, kFull - signal_q16, share_q15, kOne_q15 - 1 - dither_q15);
 }
 
-// The certainty factor x = hit - miss; the event is y = share * (2 rho - 1).
-void pull_certainty(Voxel& voxel, std::int32_t share_q15, std::int32_t signal_q16,
-                    std::int32_t dither_q15) {
-  const std::int64_t x = static_cast<std::int64_t>(voxel.hit) - voxel.miss;
-  const std::int64_t y_q31 = static_cast<std::int64_t>(2 * signal_q16 - kFull) * share_q15;
-  const bool same_sign = (x > 0 && y_q31 > 0) || (x < 0 && y_q31 < 0);
-  const std::int64_t room_q16 = same_sign ? kFull - (x < 0 ? -x : x) : kFull;
-  // y * room / 65535 in voxel units: below 2^47 before the division.
-  const std::int64_t sum =
-      x + ((y_q31 * room_q16 / kFull + static_cast<std::int64_t>(dither_q15)) >> 15);
-  const std::int64_t limited = base::clamp<std::int64_t>(sum, -kFull, kFull);
-  voxel.hit = static_cast<std::uint16_t>(limited > 0 ? limited : 0);
-  voxel.miss = static_cast<std::uint16_t>(limited < 0 ? -limited : 0);
+// The certainty factor x = hit - miss.
+void pull_certainty(Voxel& voxel, std::uint32_t share_q15, std::uint32_t signal_q16,
+                    std::uint32_t dither_q15) {
+  const std::int32_t x = base::pulled_certainty(
+      voxel.hit - voxel.miss, static_cast<std::int32_t>(signal_q16),
+      static_cast<std::int32_t>(share_q15), static_cast<std::int32_t>(dither_q15));
+  voxel.hit = static_cast<std::uint16_t>(x > 0 ? x : 0);
+  voxel.miss = static_cast<std::uint16_t>(x < 0 ? -x : 0);
 }
 
 template <typename Share>
 void pull_run(Rule rule, Voxel* voxels, std::int32_t count, std::uint32_t first, const Pull& pull,
               std::uint32_t dither_base, Share share_q15) {
-  const auto signal_q16 = static_cast<std::int32_t>(pull.signal_q16);
   for (std::int32_t i = 0; i < count; ++i) {
-    const auto dither_q15 = static_cast<std::int32_t>(
-        dither_q22(dither_base, first + static_cast<std::uint32_t>(i)) >> 7U);
-    const std::int32_t share = base::min_of<std::int32_t>(share_q15(i), kOne_q15);
+    const std::uint32_t dither_q15 =
+        dither_q22(dither_base, first + static_cast<std::uint32_t>(i)) >> 7U;
+    const std::uint32_t share = base::min_of(share_q15(i), kOne_q15);
     if (rule == Rule::kRecursive) {
-      pull_recursive(voxels[i], share, signal_q16, dither_q15);
+      pull_recursive(voxels[i], share, pull.signal_q16, dither_q15);
     } else {
-      pull_certainty(voxels[i], share, signal_q16, dither_q15);
+      pull_certainty(voxels[i], share, pull.signal_q16, dither_q15);
     }
   }
 }
@@ -122,16 +118,14 @@ void pull_shell(Rule rule, Voxel* voxels, const std::int16_t* taps, std::int32_t
                 std::uint32_t first, const Pull& pull, std::uint32_t dither_base) {
   const std::uint64_t gain_q15 = pull.gain_q15;
   pull_run(rule, voxels, count, first, pull, dither_base, [taps, gain_q15](std::int32_t i) {
-    return static_cast<std::int32_t>(
-        base::min_of<std::uint64_t>((gain_q15 * static_cast<std::uint32_t>(taps[i])) >> 15U,
-                                    static_cast<std::uint64_t>(kOne_q15)));
+    return static_cast<std::uint32_t>(base::min_of<std::uint64_t>(
+        (gain_q15 * static_cast<std::uint32_t>(taps[i])) >> 15U, kOne_q15));
   });
 }
 
 void pull_uniform(Rule rule, Voxel* voxels, std::int32_t count, std::uint32_t first,
                   const Pull& pull, std::uint32_t dither_base) {
-  const auto share_q15 = static_cast<std::int32_t>(
-      base::min_of<std::uint32_t>(pull.gain_q15, static_cast<std::uint32_t>(kOne_q15)));
+  const std::uint32_t share_q15 = base::min_of(pull.gain_q15, kOne_q15);
   pull_run(rule, voxels, count, first, pull, dither_base,
            [share_q15](std::int32_t) { return share_q15; });
 }

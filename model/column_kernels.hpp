@@ -13,6 +13,7 @@
 #include <emmintrin.h>
 #endif
 
+#include "model/base/saturating.h"
 #include "model/grid.hpp"
 #include "model/localization_table.hpp"
 
@@ -26,12 +27,6 @@ inline constexpr std::uint32_t kDitherStep = 0x9E37U;
 
 [[nodiscard]] constexpr std::uint32_t dither_q22(std::uint32_t base, std::uint32_t k) {
   return ((base + k * kDitherStep) & 0xFFFFU) << 6U;
-}
-
-/// Saturating sum of two halves.
-[[nodiscard]] constexpr std::uint16_t add_saturated(std::uint32_t value, std::uint32_t increment) {
-  const std::uint32_t sum = value + increment;
-  return static_cast<std::uint16_t>(sum > 0xFFFFU ? 0xFFFFU : sum);
 }
 
 /// One weighted pair of increments: evidence for a surface and against it, 0 .. kMaxWeight_q7 each.

@@ -69,9 +69,9 @@ STD_HEADERS = {
 }
 # Folder -> further headers.
 # atomic: the single-producer ring. new: a port's codec is constructed in the port's own storage.
-# Eigen: fixed sizes only, behind estimator/filter_access.hpp.
+# Eigen: fixed sizes only, behind estimator/filter_access.hpp. stdint.h: saturating.h is C as well.
 STD_HEADERS_EXTRA = {
-    "estimator": {"cmath", "Eigen/Core"}, "firmware/pipeline": {"new"}, "model/base": {"atomic"},
+    "estimator": {"cmath", "Eigen/Core"}, "firmware/pipeline": {"new"}, "model/base": {"atomic", "stdint.h"},
 }
 # Intrinsics only in files whose name says so: the portable form stays readable beside them.
 KERNEL_FILE = re.compile(r"(^|_)kernels?(_[a-z0-9]+)?\.(cpp|hpp)$")

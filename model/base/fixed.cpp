@@ -47,6 +47,7 @@ constexpr std::array<std::uint16_t, 256> make_sqrt_table() {
 }
 
 constexpr auto kSqrtTable = make_sqrt_table();
+static_assert(kSqrtTable[64] >= 0x8000, "what root_step() wants of its start");
 
 }  // namespace
 
@@ -56,10 +57,7 @@ std::uint32_t sqrt_u32(std::uint32_t value) {
   }
   const int shift = leading_zeros(value) & ~1;  // even, so that the root shifts by half of it
   const std::uint32_t x = value << static_cast<unsigned>(shift);
-  std::uint32_t root = kSqrtTable[x >> 24U];
-  // The step rounds the largest arguments up to 2^16: kept to 16 bits, so that sqrt_u64 can shift it.
-  root = min_of<std::uint32_t>((root + x / root) >> 1U, 0xFFFFU);
-  return root >> static_cast<unsigned>(shift / 2);
+  return root_step(x, kSqrtTable[x >> 24U]) >> static_cast<unsigned>(shift / 2);
 }
 
 std::uint32_t sqrt_u64(std::uint64_t value) {

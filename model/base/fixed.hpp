@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "model/base/saturating.h"
 #include "model/base/units.hpp"
 
 namespace leadline::base {
@@ -32,12 +33,6 @@ template <typename T>
 template <typename T>
 [[nodiscard]] constexpr T max_of(T a, T b) {
   return a < b ? b : a;
-}
-
-/// Product of two fixed-point numbers, shifted down, rounded towards minus infinity. The caller
-/// guarantees that the product fits 64 bits; each use states its ranges.
-[[nodiscard]] constexpr std::int64_t mul_shift(std::int64_t a, std::int64_t b, int shift) {
-  return (a * b) >> shift;
 }
 
 /// floor(value / 2^16) of a Q16 number.

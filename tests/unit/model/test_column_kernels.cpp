@@ -312,11 +312,11 @@ TEST(every_voxel_value_saturates_as_wide_arithmetic_does) {
 }
 
 TEST(the_sum_of_every_value_and_increment_saturates) {
-  // add_saturated over the whole square of voxel values and increments that can occur (0..256).
+  // saturated_sum over the whole square of voxel values and increments that can occur (0..256).
   for (std::uint32_t value = 0; value <= kFull; ++value) {
     for (std::uint32_t increment = 0; increment <= 256; ++increment) {
       const std::uint32_t sum = value + increment;
-      if (add_saturated(value, increment) != (sum > kFull ? kFull : sum)) {
+      if (leadline::base::saturated_sum(value, increment) != (sum > kFull ? kFull : sum)) {
         fail_msg("%u + %u", value, increment);
       }
     }
