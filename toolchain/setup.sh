@@ -31,12 +31,16 @@ check_packages=(
   frama-c-base why3 z3
 )
 full_packages=(pcl-tools)
+# The target's libraries are unpacked beside the build (toolchain/sysroot.sh), not installed.
+cross_packages=(g++-aarch64-linux-gnu g++-arm-linux-gnueabihf qemu-user-static debian-archive-keyring)
 
 dry_run=0
 while [ $# -gt 0 ]; do
   case $1 in
     --checks) packages+=("${check_packages[@]}") ;;
     --full) packages+=("${full_packages[@]}") ;;
+    --clang) packages+=(clang-14) ;;
+    --cross) packages+=("${cross_packages[@]}") ;;
     --dry-run) dry_run=1 ;;
     -h | --help)
       print_help

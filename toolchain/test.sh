@@ -2,12 +2,14 @@
 # Installs what is missing, builds and runs the tests.
 #
 # usage: toolchain/test.sh [--tier fast|ci|full]
+#        toolchain/test.sh --target aarch64|armhf|cortex-m7
 #   fast   release build, fast tests; under 5 minutes on 2 cores (default)
 #   ci     and: tests labelled ci, benches compile, format, clang-tidy and lone headers, vehicle code under
 #          the sanitizers, its coverage (at least 95 % of lines), 80 s for all fuzz targets; under 30
 #          minutes
 #   full   and: tests labelled full, debug build, all tests under the sanitizers, fuzz targets 60 s each,
 #          demo; hours
+#   --target: the unit tests of the vehicle's folders on another target, under QEMU
 #
 # Exit code 0: everything passed. A failed step does not stop the later ones (only a build that fails
 # does); a table at the end tells what failed. ctest's output stays in build/<preset>/ctest.log.
@@ -17,6 +19,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 tier=fast
+target=
 while [ $# -gt 0 ]; do
   case $1 in
     --tier)
@@ -25,6 +28,11 @@ while [ $# -gt 0 ]; do
       shift
       ;;
     --tier=*) tier=${1#--tier=} ;;
+    --target)
+      [ $# -ge 2 ] || usage_error "--target wants aarch64, armhf or cortex-m7"
+      target=$2
+      shift
+      ;;
     -h | --help)
       print_help
       exit 0
@@ -36,6 +44,11 @@ done
 case $tier in
   fast | ci | full) ;;
   *) usage_error "unknown tier $tier" ;;
+esac
+case $target in
+  '' | aarch64 | armhf) ;;
+  cortex-m7) exec "$root/toolchain/m7.sh" test ;;
+  *) usage_error "unknown target $target" ;;
 esac
 
 # Words that promise work for later do not stay in the sources.
@@ -49,7 +62,7 @@ unfinished_marks() {
 
 finish() {
   local result=0
-  for log in "$root"/build/{release,debug,asan,coverage}/ctest.log; do
+  for log in "$root"/build/{release,debug,asan,coverage,aarch64,armhf}/ctest.log; do
     # Only logs of this run.
     if [ -f "$log" ] && [ "$log" -nt "$start_mark" ]; then
       printf '\n%s:\n' "${log#"$root"/}"
@@ -58,10 +71,22 @@ finish() {
   done
   step_summary || result=1
   rm -f "$start_mark"
-  if [ $result -eq 0 ]; then echo "test: tier $tier passed"; else warn "tier $tier FAILED"; fi
+  local what="tier $tier"
+  [ -z "$target" ] || what="target $target"
+  if [ $result -eq 0 ]; then echo "test: $what passed"; else warn "$what FAILED"; fi
   exit $result
 }
 start_mark=$(mktemp)
+
+if [ -n "$target" ]; then
+  step "set-up" "$root/toolchain/setup.sh" --cross || finish
+  arch=$target
+  [ "$target" = armhf ] || arch=arm64
+  step "libraries of $arch" "$root/toolchain/sysroot.sh" "$arch" || finish
+  step "build $target" configure_and_build "$target" || finish
+  step "tests, $target" run_ctest "$target" || true
+  finish
+fi
 
 setup_options=()
 [ "$tier" = fast ] || setup_options=(--checks)

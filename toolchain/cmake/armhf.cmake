@@ -1,0 +1,7 @@
+# 32-bit ARM Linux (ARMv7 with hardware floating point), as Debian's armhf. With LEADLINE_SYSROOT (toolchain/sysroot.sh
+# armhf) libraries come from there; without it only what needs none can be built (LEADLINE_PARTS=replay), linked
+# statically.
+set(leadline_triplet arm-linux-gnueabihf)
+set(CMAKE_SYSTEM_PROCESSOR armv7l)
+set(leadline_emulator qemu-arm-static)
+include(${CMAKE_CURRENT_LIST_DIR}/debian_cross.cmake)

@@ -1,0 +1,96 @@
+#!/usr/bin/env bash
+# Unpacks what programs of another architecture are linked with, from Debian 12: headers, libraries, C library.
+#
+# usage: toolchain/sysroot.sh ARCH [--topside]
+#   ARCH        arm64 or armhf
+#   --topside   also what host_tools need (GDAL, cairo): 1 GB
+#
+# Leaves them in build/sysroot-ARCH, where the presets aarch64 and armhf look. apt-get works on a state of its own there:
+# no architecture is added to this machine, none of its packages changes, no rights are needed. Does nothing when
+# everything is there. A package mirror that is under change for one architecture (security updates of armhf have been)
+# costs only the updates.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+
+packages=(
+  libc6-dev libstdc++-12-dev
+  libgpiod-dev libmodbus-dev libtomlplusplus-dev libcmocka-dev libeigen3-dev libcli11-dev
+)
+topside_packages=(libgdal-dev libcairo2-dev nlohmann-json3-dev)
+
+arch=
+while [ $# -gt 0 ]; do
+  case $1 in
+    arm64 | armhf) arch=$1 ;;
+    --topside) packages+=("${topside_packages[@]}") ;;
+    -h | --help)
+      print_help
+      exit 0
+      ;;
+    *) usage_error "unknown option $1" ;;
+  esac
+  shift
+done
+[ -n "$arch" ] || usage_error "the architecture is missing: arm64 or armhf"
+command -v apt-get >/dev/null || die "this is no Debian: no apt-get"
+
+sysroot=$root/build/sysroot-$arch
+mkdir -p "$root/build"
+exec 9>"$root/build/.sysroot-$arch.lock"
+flock 9
+wanted="${packages[*]}"
+# What was asked for last time, and more, is there.
+if [ -f "$sysroot/.complete" ]; then
+  missing=0
+  for package in "${packages[@]}"; do
+    grep -qx "$package" "$sysroot/.complete" || missing=1
+  done
+  if [ $missing -eq 0 ]; then
+    echo "sysroot: $sysroot is complete"
+    exit 0
+  fi
+  wanted="$wanted $(tr '\n' ' ' <"$sysroot/.complete")"
+fi
+
+keyring=/usr/share/keyrings/debian-archive-keyring.gpg
+[ -r "$keyring" ] || die "no $keyring: apt-get install debian-archive-keyring"
+mirror=http://deb.debian.org
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+chmod 755 "$work"
+mkdir -p "$work"/lists/partial "$work"/cache/archives/partial
+: >"$work/status"
+apt_get() {
+  apt-get -q -o "APT::Architecture=$arch" -o "APT::Architectures::=$arch" \
+    -o "Dir::Etc::sourcelist=$work/sources.list" -o Dir::Etc::sourceparts=/dev/null \
+    -o "Dir::State=$work" -o "Dir::State::lists=$work/lists" -o "Dir::State::status=$work/status" \
+    -o "Dir::Cache=$work/cache" -o "APT::Sandbox::User=$(id -un)" -o APT::Install-Recommends=false \
+    -o Debug::NoLocking=1 -o Acquire::Retries=3 "$@"
+}
+sources() { printf 'deb [signed-by=%s] %s/%s main\n' "$keyring" "$mirror" "$1"; }
+sources "debian bookworm" >"$work/sources.list"
+sources "debian bookworm-updates" >>"$work/sources.list"
+sources "debian-security bookworm-security" >>"$work/sources.list"
+if ! apt_get update >"$work/log" 2>&1 || grep -q '^[EW]: Failed' "$work/log"; then
+  warn "no updates of $arch to be had, going on without"
+  sources "debian bookworm" >"$work/sources.list"
+  rm -rf "$work/lists"
+  mkdir -p "$work/lists/partial"
+  apt_get update >"$work/log" 2>&1 || die "no package lists of $arch: $(tail -n 3 "$work/log")"
+fi
+# shellcheck disable=SC2086 # a list of names
+apt_get -y --download-only install $wanted >"$work/log" 2>&1 ||
+  die "packages of $arch cannot be had: $(tail -n 5 "$work/log")"
+rm -rf "$sysroot.new"
+mkdir -p "$sysroot.new"
+for package in "$work"/cache/archives/*.deb; do
+  dpkg-deb -x "$package" "$sysroot.new"
+done
+# Absolute links would leave the folder.
+find "$sysroot.new" -xdev -type l -lname '/*' | while read -r link; do
+  ln -sfr "$sysroot.new$(readlink "$link")" "$link"
+done
+printf '%s\n' $wanted | sort -u >"$sysroot.new/.complete"
+rm -rf "$sysroot"
+mv "$sysroot.new" "$sysroot"
+echo "sysroot: $(find "$work/cache/archives" -name '*.deb' | wc -l) packages in $sysroot, $(du -sh "$sysroot" | cut -f1)"
