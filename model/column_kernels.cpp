@@ -130,7 +130,7 @@ void pull_uniform(Rule rule, Voxel* voxels, std::int32_t count, std::uint32_t fi
            [share_q15](std::int32_t) { return share_q15; });
 }
 
-#if defined(__SSE2__)
+#if defined(LEADLINE_KERNELS_SSE2)
 
 namespace {
 

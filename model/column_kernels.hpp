@@ -9,8 +9,19 @@
 
 #include <cstdint>
 
-#if defined(__SSE2__)
+// One vector form at most; LEADLINE_SCALAR_KERNELS (a build option) leaves the scalar one.
+#if defined(LEADLINE_SCALAR_KERNELS)
+#elif defined(__SSE2__)
+#define LEADLINE_KERNELS_SSE2
 #include <emmintrin.h>
+#elif defined(__aarch64__) && defined(__ARM_NEON)
+#define LEADLINE_KERNELS_NEON
+#include <arm_neon.h>
+#elif defined(__ARM_FEATURE_SIMD32)
+#define LEADLINE_KERNELS_SIMD32
+#include <cstring>
+
+#include <arm_acle.h>
 #endif
 
 #include "model/base/saturating.h"
@@ -92,7 +103,7 @@ void add_shell_scalar(Voxel* voxels, const std::int16_t* taps, std::int32_t coun
 void add_uniform_scalar(Voxel* voxels, std::int32_t count, std::uint32_t first,
                         const Evidence& evidence, std::uint32_t dither_base);
 
-#if defined(__SSE2__)
+#if defined(LEADLINE_KERNELS_SSE2)
 
 namespace vector {
 
@@ -188,6 +199,165 @@ inline void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first,
     const __m128i miss = _mm_srli_epi16(_mm_add_epi16(miss_value, high), 8);
     vector::accumulate(voxels + i, _mm_and_si128(hit, mask), _mm_and_si128(miss, mask));
     dither = _mm_add_epi16(dither, vector::lanes16(8U * kDitherStep));
+  }
+}
+
+#elif defined(LEADLINE_KERNELS_NEON)
+
+namespace vector {
+
+// Eight dithers from `start` on.
+inline uint16x8_t dither_lanes(std::uint32_t start) {
+  constexpr std::uint16_t kIndex[8] = {0, 1, 2, 3, 4, 5, 6, 7};
+  return vmlaq_n_u16(vdupq_n_u16(static_cast<std::uint16_t>(start)), vld1q_u16(kIndex),
+                     static_cast<std::uint16_t>(kDitherStep));
+}
+
+// All ones in the first `count` of eight lanes.
+inline uint16x8_t lane_mask(std::int32_t count) {
+  constexpr std::uint16_t kIndex[8] = {0, 1, 2, 3, 4, 5, 6, 7};
+  return vcltq_u16(vld1q_u16(kIndex),
+                   vdupq_n_u16(static_cast<std::uint16_t>(count < 8 ? count : 8)));
+}
+
+// (tap * weight + dither) >> 22, in 32 bits.
+inline uint16x8_t increments(uint16x8_t tap_q15, std::uint32_t weight_q7, uint16x8_t dither) {
+  const auto weight = static_cast<std::uint16_t>(weight_q7);
+  const uint32x4_t low =
+      vmlal_n_u16(vshll_n_u16(vget_low_u16(dither), 6), vget_low_u16(tap_q15), weight);
+  const uint32x4_t high =
+      vmlal_n_u16(vshll_n_u16(vget_high_u16(dither), 6), vget_high_u16(tap_q15), weight);
+  return vshrq_n_u16(vcombine_u16(vshrn_n_u32(low, 16), vshrn_n_u32(high, 16)), 6);
+}
+
+// Adds eight pairs of increments.
+inline void accumulate(Voxel* voxels, uint16x8_t hit, uint16x8_t miss) {
+  auto* const halves = reinterpret_cast<std::uint16_t*>(voxels);
+  uint16x8x2_t pairs = vld2q_u16(halves);
+  pairs.val[0] = vqaddq_u16(pairs.val[0], hit);
+  pairs.val[1] = vqaddq_u16(pairs.val[1], miss);
+  vst2q_u16(halves, pairs);
+}
+
+}  // namespace vector
+
+inline void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count,
+                      std::uint32_t first, const Evidence& evidence, std::uint32_t dither_base) {
+  uint16x8_t dither = vector::dither_lanes(dither_base + first * kDitherStep);
+  for (std::int32_t i = 0; i < count; i += 8) {
+    // A tap of zero adds nothing.
+    const uint16x8_t tap =
+        vandq_u16(vreinterpretq_u16_s16(vld1q_s16(taps + i)), vector::lane_mask(count - i));
+    vector::accumulate(voxels + i, vector::increments(tap, evidence.hit_q7, dither),
+                       vector::increments(tap, evidence.miss_q7, dither));
+    dither = vaddq_u16(dither, vdupq_n_u16(static_cast<std::uint16_t>(8U * kDitherStep)));
+  }
+}
+
+inline void add_shell_taps(Voxel* voxels, const std::int16_t (&row)[kKernelTaps],
+                           std::int32_t first, std::int32_t count, std::uint32_t dither_start,
+                           const Evidence& evidence) {
+  add_shell(voxels, row + first, count, 0, evidence, dither_start);
+}
+
+inline void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first,
+                        const Evidence& evidence, std::uint32_t dither_base) {
+  const uint16x8_t hit_value = vdupq_n_u16(static_cast<std::uint16_t>(2U * evidence.hit_q7));
+  const uint16x8_t miss_value = vdupq_n_u16(static_cast<std::uint16_t>(2U * evidence.miss_q7));
+  uint16x8_t dither = vector::dither_lanes(dither_base + first * kDitherStep);
+  for (std::int32_t i = 0; i < count; i += 8) {
+    const uint16x8_t high = vshrq_n_u16(dither, 8);
+    const uint16x8_t mask = vector::lane_mask(count - i);
+    vector::accumulate(voxels + i, vandq_u16(vshrq_n_u16(vaddq_u16(hit_value, high), 8), mask),
+                       vandq_u16(vshrq_n_u16(vaddq_u16(miss_value, high), 8), mask));
+    dither = vaddq_u16(dither, vdupq_n_u16(static_cast<std::uint16_t>(8U * kDitherStep)));
+  }
+}
+
+#elif defined(LEADLINE_KERNELS_SIMD32)
+
+// A voxel is one register, its halves two lanes of 16 bits that saturate alike.
+namespace vector {
+
+inline std::uint32_t load(const Voxel* voxel) {
+  std::uint32_t halves = 0;
+  std::memcpy(&halves, __builtin_assume_aligned(voxel, alignof(std::uint32_t)), sizeof halves);
+  return halves;
+}
+inline void store(Voxel* voxel, std::uint32_t halves) {
+  std::memcpy(__builtin_assume_aligned(voxel, alignof(std::uint32_t)), &halves, sizeof halves);
+}
+
+// What a run adds to each voxel: whole units, and one more where the dither carries out of the rest.
+struct Uniform {
+  std::uint32_t rest_q16;  // of a unit, both halves
+  std::uint32_t units;
+  std::uint32_t units_and_one;
+};
+
+// The step of a voxel: six instructions.
+inline void add_one(Voxel* voxel, const Uniform& run, std::uint32_t& dither) {
+  constexpr std::uint32_t kStep = kDitherStep << 16U | kDitherStep;
+  static_cast<void>(__uadd16(dither, run.rest_q16));  // its carries choose
+  store(voxel, __uqadd16(load(voxel), __sel(run.units_and_one, run.units)));
+  dither = __uadd16(dither, kStep);
+}
+
+// Taps times the weight of one half, Q24; with the dither below 2^32: 32767 * 4 * 32640 + 2^24 - 2^8.
+inline std::uint32_t units_q24(std::uint32_t tap_q15, std::uint32_t weight_q9,
+                               std::uint32_t dither_q32) {
+  return tap_q15 * weight_q9 + (dither_q32 >> 8U);
+}
+
+}  // namespace vector
+
+inline void add_shell(Voxel* voxels, const std::int16_t* taps, std::int32_t count,
+                      std::uint32_t first, const Evidence& evidence, std::uint32_t dither_base) {
+  constexpr std::uint32_t kStep_q32 = kDitherStep << 16U;
+  std::uint32_t dither_q32 = (dither_base + first * kDitherStep) << 16U;
+  const std::uint32_t hit_q9 = evidence.hit_q7 << 2U;
+  const std::int16_t* const end = taps + count;
+  // What log-odds always ask for.
+  if (evidence.miss_q7 == 0) {
+    for (; taps < end; ++taps, ++voxels) {
+      const auto tap = static_cast<std::uint16_t>(*taps);
+      const std::uint32_t units = vector::units_q24(tap, hit_q9, dither_q32) >> 24U;
+      vector::store(voxels, __uqadd16(vector::load(voxels), units));
+      dither_q32 += kStep_q32;
+    }
+    return;
+  }
+  const std::uint32_t miss_q9 = evidence.miss_q7 << 2U;
+  for (; taps < end; ++taps, ++voxels) {
+    const auto tap = static_cast<std::uint16_t>(*taps);
+    const std::uint32_t hit = vector::units_q24(tap, hit_q9, dither_q32) >> 24U;
+    const std::uint32_t miss = vector::units_q24(tap, miss_q9, dither_q32) >> 24U;
+    vector::store(voxels, __uqadd16(vector::load(voxels), miss << 16U | hit));
+    dither_q32 += kStep_q32;
+  }
+}
+
+inline void add_shell_taps(Voxel* voxels, const std::int16_t (&row)[kKernelTaps],
+                           std::int32_t first, std::int32_t count, std::uint32_t dither_start,
+                           const Evidence& evidence) {
+  add_shell(voxels, row + first, count, 0, evidence, dither_start);
+}
+
+inline void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first,
+                        const Evidence& evidence, std::uint32_t dither_base) {
+  const std::uint32_t weights_q7 = evidence.miss_q7 << 16U | evidence.hit_q7;
+  const std::uint32_t units = (weights_q7 >> 7U) & 0x01FF01FFU;
+  const vector::Uniform run{(weights_q7 & 0x007F007FU) << 9U, units, units + 0x00010001U};
+  const std::uint32_t start = (dither_base + first * kDitherStep) & 0xFFFFU;
+  std::uint32_t dither = start << 16U | start;
+  // Eight at a time: the loop's own two instructions are shared.
+  for (; count >= 8; count -= 8, voxels += 8) {
+    for (std::int32_t i = 0; i < 8; ++i) {
+      vector::add_one(voxels + i, run, dither);
+    }
+  }
+  for (; count > 0; --count, ++voxels) {
+    vector::add_one(voxels, run, dither);
   }
 }
 

@@ -451,26 +451,30 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   const std::int64_t un = axis.q30[0];
   const std::int64_t ue = axis.q30[1];
   cone.down_q30 = axis.q30[2];
-  cone.horizontal_q30 = sqrt_u64(static_cast<std::uint64_t>(un * un + ue * ue));
+  cone.horizontal_q30 =
+      static_cast<std::int32_t>(sqrt_u64(static_cast<std::uint64_t>(un * un + ue * ue)));
   if (cone.horizontal_q30 > (1 << 12)) {
-    cone.heading_north_q20 = un * (1 << 20) / cone.horizontal_q30;
-    cone.heading_east_q20 = ue * (1 << 20) / cone.horizontal_q30;
+    cone.heading_north_q20 = static_cast<std::int32_t>(un * (1 << 20) / cone.horizontal_q30);
+    cone.heading_east_q20 = static_cast<std::int32_t>(ue * (1 << 20) / cone.horizontal_q30);
   } else {
     cone.heading_north_q20 = 1 << 20;
     cone.heading_east_q20 = 0;
   }
   cone.growth_q20 = cone_growth_q20(scale.cone_tan_q20, range_q10);
   cone.range_q10 = range_q10;
-  cone.radius_q10 = kTouch_q10 + mul_shift(cone.growth_q20, range_q10, 20);
+  cone.radius_q10 =
+      kTouch_q10 + static_cast<std::int32_t>(mul_shift(cone.growth_q20, range_q10, 20));
   const std::int64_t growth_down_q30 = mul_shift(cone.growth_q20, cone.down_q30, 20);
   cone.a_q30 = mul_shift(cone.horizontal_q30, cone.horizontal_q30, 30) -
                mul_shift(growth_down_q30 >> 4, growth_down_q30 >> 4, 22);
   // 1/4096: a flatter axis leaves its end upright, which over a radius of 40 cells is a hundredth of one.
-  cone.inverse_a_q16 =
-      cone.a_q30 > -(1 << 20) && cone.a_q30 < (1 << 20) ? 0 : (1LL << 46) / cone.a_q30;
-  constexpr std::int64_t kLevel_q30 = 1 << 18;
-  cone.inverse_down_q12 =
-      cone.down_q30 > kLevel_q30 || cone.down_q30 < -kLevel_q30 ? (1LL << 42) / cone.down_q30 : 0;
+  cone.inverse_a_q16 = cone.a_q30 > -(1 << 20) && cone.a_q30 < (1 << 20)
+                           ? 0
+                           : static_cast<std::int32_t>((1LL << 46) / cone.a_q30);
+  constexpr std::int32_t kLevel_q30 = 1 << 18;
+  cone.inverse_down_q12 = cone.down_q30 > kLevel_q30 || cone.down_q30 < -kLevel_q30
+                              ? static_cast<std::int32_t>((1LL << 42) / cone.down_q30)
+                              : 0;
   // Largest B and C of any column that the cone can reach; a beam of 80 degrees has a growth of 5.7.
   const auto bits = [](std::int64_t value) {
     return 64 - base::leading_zeros64(static_cast<std::uint64_t>(value < 0 ? -value : value));
@@ -480,25 +484,39 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   const int bits_b = bits(mul_shift(reach_q10, (1LL << 20) + growth2_q20, 10)) + 1;
   const int bits_c = 2 * bits(mul_shift(reach_q10, (1LL << 20) + cone.growth_q20, 20)) + 1;
   cone.drop = max_of(0, max_of(bits_b - 31, (bits(cone.a_q30 >> 6) + bits_c - 61) / 2));
+  // The root is at most as large as B where the transducer is outside the column, else B and |A C|^1/2.
+  cone.narrow = cone.drop == 0 && bits_b <= 29 && bits_c <= 60;
   return cone;
 }
 
-ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
+namespace {
+
+// Depths beyond any grid are as good as infinite.
+std::int32_t limited_q10(std::int64_t depth_q10) {
+  return static_cast<std::int32_t>(clamp<std::int64_t>(depth_q10, -kFar_q10, kFar_q10));
+}
+
+// `Term` holds B and its parts: 32 bits where the cone is narrow, which is most of the time.
+template <typename Term>
+ColumnSpan cone_span_of(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10) {
   constexpr ColumnSpan kOutside{1, 0};
-  constexpr std::int64_t kFar_q10 = 1LL << 26;
   // |x| < 16000 cells: p_q20 below 2^34.
-  const std::int64_t p_q20 = mul_shift(cone.horizontal_q30, x_q10, 20);
-  const std::int64_t gp_q20 = mul_shift(cone.growth_q20, p_q20, 20);
+  const auto p_q20 = static_cast<Term>(mul_shift(cone.horizontal_q30, x_q10, 20));
+  const auto gp_q20 = static_cast<Term>(mul_shift(cone.growth_q20, p_q20, 20));
   // (1 + g^2) p below 2^38: 8000 cells of an 80 degree beam.
-  const std::int64_t b_q20 = mul_shift(
+  const auto b_q20 = static_cast<Term>(mul_shift(
       cone.down_q30 >> 6,
-      p_q20 + mul_shift(cone.growth_q20, gp_q20, 20) + ((cone.growth_q20 * kTouch_q10) >> 10), 24);
-  const std::int64_t sx_q10 = mul_shift(cone.down_q30, x_q10, 30);
-  const std::int64_t radius_q10 = kTouch_q10 + (gp_q20 >> 10);
-  const std::int64_t c_q20 = sx_q10 * sx_q10 + y_q10 * y_q10 - radius_q10 * radius_q10;
-  const std::int64_t b_short = b_q20 >> cone.drop;
+      static_cast<Term>(p_q20 + static_cast<Term>(mul_shift(cone.growth_q20, gp_q20, 20)) +
+                        static_cast<Term>(mul_shift(cone.growth_q20, kTouch_q10, 10))),
+      24));
+  // Lengths of 32 bits from here on: the radius is below 2^26, of a point beyond the cone's end below 2^29.
+  const auto sx_q10 = static_cast<std::int32_t>(mul_shift(cone.down_q30, x_q10, 30));
+  const auto radius_q10 = static_cast<std::int32_t>(kTouch_q10 + (gp_q20 >> 10));
+  const std::int64_t c_q20 = mul_shift(sx_q10, sx_q10, 0) + mul_shift(y_q10, y_q10, 0) -
+                             mul_shift(radius_q10, radius_q10, 0);
+  const auto b_short = static_cast<Term>(b_q20 >> cone.drop);
   std::int64_t disc_q40 =
-      b_short * b_short - mul_shift(cone.a_q30 >> 6, c_q20 >> (2 * cone.drop), 4);
+      mul_shift(b_short, b_short, 0) - mul_shift(cone.a_q30 >> 6, c_q20 >> (2 * cone.drop), 4);
   if (disc_q40 < 0) {
     if (cone.a_q30 >= 0) {
       return kOutside;
@@ -507,20 +525,18 @@ ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
     // discriminant, g^2 times the squared offset, is a small difference that rounding turns negative.
     disc_q40 = 0;
   }
-  const std::int64_t root_q20 =
-      static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40))) << cone.drop;
+  const auto root_q20 = static_cast<Term>(
+      static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40))) << cone.drop);
   // The two roots without cancellation: q / A and C / q.
-  const std::int64_t q_q20 = b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20;
-  const std::int64_t one_q10 =
-      q_q20 == 0 ? 0 : clamp(c_q20 * (1 << 10) / q_q20, -kFar_q10, kFar_q10);
-  const std::int64_t other_sign = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
+  const auto q_q20 = static_cast<Term>(b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20);
+  const std::int32_t one_q10 = q_q20 == 0 ? 0 : limited_q10(c_q20 * (1 << 10) / q_q20);
   // |q| < 2^39 (8000 cells of an 80 degree beam), 1/A < 2^26: less 6 bits, below 2^59. Close to the
   // vertical A is small and worth a division.
-  std::int64_t other_q10 = other_sign;
+  std::int32_t other_q10 = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
   if (cone.inverse_a_q16 != 0) {
-    other_q10 = clamp(mul_shift(q_q20 >> 6, cone.inverse_a_q16, 20), -kFar_q10, kFar_q10);
+    other_q10 = limited_q10(mul_shift(q_q20 >> 6, cone.inverse_a_q16, 20));
   } else if (cone.a_q30 <= -16 || cone.a_q30 >= 16) {
-    other_q10 = clamp(q_q20 * (1 << 20) / cone.a_q30, -kFar_q10, kFar_q10);
+    other_q10 = limited_q10(mul_shift(q_q20, 1 << 20, 0) / cone.a_q30);
   }
   ColumnSpan span{min_of(one_q10, other_q10), max_of(one_q10, other_q10)};
   if (cone.a_q30 < 0) {
@@ -529,16 +545,24 @@ ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10) {
                              : ColumnSpan{-kFar_q10, span.top_q10};
   }
   // Slant distance p + s z between the transducer and the end.
-  const std::int64_t p_q10 = p_q20 >> 10;
+  const auto p_q10 = static_cast<std::int32_t>(p_q20 >> 10);
   if (cone.inverse_down_q12 != 0) {
-    const std::int64_t at_start = mul_shift(-p_q10, cone.inverse_down_q12, 12);
-    const std::int64_t at_end = mul_shift(cone.range_q10 - p_q10, cone.inverse_down_q12, 12);
+    const std::int32_t at_start = limited_q10(mul_shift(-p_q10, cone.inverse_down_q12, 12));
+    const std::int32_t at_end =
+        limited_q10(mul_shift(cone.range_q10 - p_q10, cone.inverse_down_q12, 12));
     span.top_q10 = max_of(span.top_q10, min_of(at_start, at_end));
     span.bottom_q10 = min_of(span.bottom_q10, max_of(at_start, at_end));
   } else if (p_q10 < 0 || p_q10 > cone.range_q10) {
     return kOutside;
   }
   return span;
+}
+
+}  // namespace
+
+ColumnSpan cone_span(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10) {
+  return cone.narrow ? cone_span_of<std::int32_t>(cone, x_q10, y_q10)
+                     : cone_span_of<std::int64_t>(cone, x_q10, y_q10);
 }
 
 }  // namespace leadline::model

@@ -121,17 +121,19 @@ inline constexpr std::int32_t kGrazingCosine_q30 = 214748365;  // 0.2
 ///   C = (s x)^2 + y^2 - (kTouch + g p)^2
 /// with c, s the horizontal and vertical parts of the axis and g the growth.
 struct Cone {
-  std::int64_t horizontal_q30;     ///< c, 0..1
-  std::int64_t down_q30;           ///< s, -1..1
-  std::int64_t heading_north_q20;  ///< unit vector of the axis' horizontal direction
-  std::int64_t heading_east_q20;
-  std::int64_t growth_q20;
+  // Of 32 bits wherever the value is: their products are one instruction of a 32-bit machine.
+  std::int32_t horizontal_q30;     ///< c, 0..1
+  std::int32_t down_q30;           ///< s, -1..1
+  std::int32_t heading_north_q20;  ///< unit vector of the axis' horizontal direction
+  std::int32_t heading_east_q20;
+  std::int32_t growth_q20;  ///< at most 5.7: 80 degrees
   std::int64_t a_q30;
-  std::int64_t inverse_a_q16;  ///< 1 / A, 0 when |A| is below 2^-10
-  std::int64_t range_q10;
-  std::int64_t radius_q10;        ///< at the far end, the largest
-  std::int64_t inverse_down_q12;  ///< 1 / s, 0 when the axis is nearly horizontal
-  int drop;  ///< bits that B gives up so that B^2 and A C fit; 0 for short ranges
+  std::int32_t inverse_a_q16;  ///< 1 / A, 0 when |A| is below 2^-10
+  std::int32_t range_q10;
+  std::int32_t radius_q10;        ///< at the far end, the largest: below 2^26
+  std::int32_t inverse_down_q12;  ///< 1 / s, 0 when the axis is nearly horizontal
+  int drop;     ///< bits that B gives up so that B^2 and A C fit; 0 for short ranges
+  bool narrow;  ///< B and its terms fit 32 bits, wherever a column of the cone stands
 };
 
 /// Half the diagonal of a voxel: a cone at least this thick touches every voxel that its axis crosses,
@@ -154,9 +156,11 @@ inline constexpr std::int32_t kLeastGrowth_q20 = 1024;
 
 /// Depths below the transducer, Q10 cells, between which a column at (x, y) lies inside the cone.
 struct ColumnSpan {
-  std::int64_t top_q10;
-  std::int64_t bottom_q10;  ///< below top: the column is outside
+  std::int32_t top_q10;
+  std::int32_t bottom_q10;  ///< below top: the column is outside
 };
-[[nodiscard]] ColumnSpan cone_span(const Cone& cone, std::int64_t x_q10, std::int64_t y_q10);
+/// What an unlimited depth is: farther than any grid reaches.
+inline constexpr std::int32_t kFar_q10 = 1 << 26;
+[[nodiscard]] ColumnSpan cone_span(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10);
 
 }  // namespace leadline::model

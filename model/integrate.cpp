@@ -26,7 +26,7 @@ constexpr std::uint32_t kRescaleCheck = 30000;
 // No column of any grid.
 constexpr std::uint32_t kNoColumn = UINT32_MAX;
 // Voxels of a column that share one weight of empty evidence.
-constexpr std::int64_t kRun = 24;
+constexpr std::int32_t kRun = 24;
 // A column is read again for the slope once its evidence has doubled.
 constexpr std::uint32_t kRegrowth = 2;
 // The slope's columns stand this many lateral standard deviations apart.
@@ -53,38 +53,40 @@ constexpr std::uint16_t kEmptyRho_q15[65] = {
     14768, 14910, 15050, 15188, 15326, 15462, 15597, 15731, 15864, 15995, 16126, 16255, 16384};
 
 // Entry of the beam weight table at (off / half_width)^2; both Q10, off squared Q20.
-std::uint32_t beam_entry(std::int64_t off2_q20, std::int64_t half_width_q10) {
-  const std::int64_t per_entry = max_of<std::int64_t>((half_width_q10 * half_width_q10) >> 10, 1);
-  const auto dividend = static_cast<std::uint32_t>(min_of<std::int64_t>(off2_q20 >> 4, UINT32_MAX));
-  const auto divisor = static_cast<std::uint32_t>(min_of<std::int64_t>(per_entry, UINT32_MAX));
+// half_width_q10 >= kTouch_q10, so that nothing is divided by zero.
+std::uint32_t beam_entry(std::uint64_t off2_q20, std::int32_t half_width_q10) {
+  const auto width = static_cast<std::uint64_t>(static_cast<std::uint32_t>(half_width_q10));
+  const auto dividend =
+      static_cast<std::uint32_t>(min_of<std::uint64_t>(off2_q20 >> 4U, UINT32_MAX));
+  const auto divisor =
+      static_cast<std::uint32_t>(min_of<std::uint64_t>((width * width) >> 10U, UINT32_MAX));
   return min_of<std::uint32_t>(dividend / divisor, kBeamWeightSteps);
 }
 
 // Cells first .. last; none when last < first.
 struct CellRange {
-  std::int64_t first;
-  std::int64_t last;
+  std::int32_t first;
+  std::int32_t last;
 };
 
 // Cells of [0, cells) whose centres lie between two offsets from the grid's corner.
-CellRange cells_between(std::int64_t low_q10, std::int64_t high_q10, std::int64_t cells) {
-  return CellRange{max_of<std::int64_t>(0, (low_q10 + 511) >> 10),
-                   min_of<std::int64_t>(cells - 1, (high_q10 - 512) >> 10)};
+CellRange cells_between(std::int32_t low_q10, std::int32_t high_q10, std::int32_t cells) {
+  return CellRange{max_of(0, (low_q10 + 511) >> 10), min_of(cells - 1, (high_q10 - 512) >> 10)};
 }
 
 // The cone of one ping with what its rows and columns have in common.
 struct Frustum {
   Cone cone;
-  std::int64_t origin_q10[3];  // transducer, from the grid's corner
-  std::int64_t tip_q10[2];     // far end of the axis, from the transducer
-  std::int64_t reach_q10;      // how far the cone extends along its heading
+  std::int32_t origin_q10[3];  // transducer, from the grid's corner
+  std::int32_t tip_q10[2];     // far end of the axis, from the transducer
+  std::int32_t reach_q10;      // how far the cone extends along its heading
   bool two_axis;
-  std::int64_t grow_along_q20;  // openings, two-axis tables only
-  std::int64_t grow_across_q20;
+  std::int32_t grow_along_q20;  // openings, two-axis tables only
+  std::int32_t grow_across_q20;
   // Seen from above the cone is a band |y| <= radius: a row cuts it between (he dn +- radius) / hn.
   bool banded;
-  std::int64_t band_slope_q20;
-  std::int64_t band_half_q10;
+  std::int32_t band_slope_q20;  // below 2^24
+  std::int32_t band_half_q10;   // limited to 2^30
 };
 
 Frustum make_frustum(const Scale& scale, const LocalizationTable& table, const BeamFrame& frame,
@@ -94,40 +96,42 @@ Frustum make_frustum(const Scale& scale, const LocalizationTable& table, const B
   for (int axis = 0; axis < 3; ++axis) {
     out.origin_q10[axis] = sighting.origin_q16[axis] >> 6;
   }
-  out.tip_q10[0] = mul_shift(range_q10, frame.axis.q30[0], 30);
-  out.tip_q10[1] = mul_shift(range_q10, frame.axis.q30[1], 30);
-  out.reach_q10 = mul_shift(out.cone.horizontal_q30, range_q10, 30) + out.cone.radius_q10;
+  out.tip_q10[0] = static_cast<std::int32_t>(mul_shift(range_q10, frame.axis.q30[0], 30));
+  out.tip_q10[1] = static_cast<std::int32_t>(mul_shift(range_q10, frame.axis.q30[1], 30));
+  out.reach_q10 = static_cast<std::int32_t>(mul_shift(out.cone.horizontal_q30, range_q10, 30)) +
+                  out.cone.radius_q10;
   out.two_axis = table.two_axis != 0;
   if (out.two_axis) {
     out.grow_along_q20 = cone_growth_q20(scale.tan_along_q20, range_q10);
     out.grow_across_q20 = cone_growth_q20(scale.tan_across_q20, range_q10);
   }
-  const std::int64_t hn = out.cone.heading_north_q20;
+  const std::int32_t hn = out.cone.heading_north_q20;
   out.banded = hn > (1 << 16) || hn < -(1 << 16);
   if (out.banded) {
-    out.band_slope_q20 = out.cone.heading_east_q20 * (1 << 20) / hn;
-    out.band_half_q10 = (out.cone.radius_q10 << 20) / (hn < 0 ? -hn : hn);
+    out.band_slope_q20 = static_cast<std::int32_t>(out.cone.heading_east_q20 * (1LL << 20) / hn);
+    out.band_half_q10 = static_cast<std::int32_t>(min_of<std::int64_t>(
+        out.cone.radius_q10 * (1LL << 20) / (hn < 0 ? -hn : hn), 16LL * kFar_q10));
   }
   return out;
 }
 
 // Rows that the cone may cross.
-CellRange frustum_rows(const Frustum& frustum, std::int64_t cells) {
-  const std::int64_t origin = frustum.origin_q10[0];
-  const std::int64_t tip = frustum.tip_q10[0];
-  const std::int64_t radius = frustum.cone.radius_q10;
-  return cells_between(origin + min_of<std::int64_t>(tip, 0) - radius,
-                       origin + max_of<std::int64_t>(tip, 0) + radius, cells);
+CellRange frustum_rows(const Frustum& frustum, std::int32_t cells) {
+  const std::int32_t origin = frustum.origin_q10[0];
+  const std::int32_t tip = frustum.tip_q10[0];
+  const std::int32_t radius = frustum.cone.radius_q10;
+  return cells_between(origin + min_of(tip, 0) - radius, origin + max_of(tip, 0) + radius, cells);
 }
 
 // Columns that it may cross in the row `dn` north of the transducer.
-CellRange frustum_row(const Frustum& frustum, std::int64_t dn, std::int64_t cells) {
-  const std::int64_t tip = frustum.tip_q10[1];
-  const std::int64_t radius = frustum.cone.radius_q10;
-  std::int64_t low = min_of<std::int64_t>(tip, 0) - radius;
-  std::int64_t high = max_of<std::int64_t>(tip, 0) + radius;
+CellRange frustum_row(const Frustum& frustum, std::int32_t dn, std::int32_t cells) {
+  const std::int32_t tip = frustum.tip_q10[1];
+  const std::int32_t radius = frustum.cone.radius_q10;
+  std::int32_t low = min_of(tip, 0) - radius;
+  std::int32_t high = max_of(tip, 0) + radius;
   if (frustum.banded) {
-    const std::int64_t middle = mul_shift(frustum.band_slope_q20, dn, 20);
+    // Below 2^29 as the slope is below 16 and rows lie within the cone.
+    const auto middle = static_cast<std::int32_t>(mul_shift(frustum.band_slope_q20, dn, 20));
     low = max_of(low, middle - frustum.band_half_q10);
     high = min_of(high, middle + frustum.band_half_q10);
   }
@@ -136,28 +140,28 @@ CellRange frustum_row(const Frustum& frustum, std::int64_t dn, std::int64_t cell
 
 // Where a column stands from the transducer, Q10: north and east, and along the heading and across it.
 struct ColumnOffset {
-  std::int64_t dn;
-  std::int64_t de;
-  std::int64_t x;
-  std::int64_t y;
+  std::int32_t dn;
+  std::int32_t de;
+  std::int32_t x;
+  std::int32_t y;
 };
 
-ColumnOffset column_offset(const Frustum& frustum, std::int64_t dn, std::int64_t de) {
+ColumnOffset column_offset(const Frustum& frustum, std::int32_t dn, std::int32_t de) {
   const std::int64_t hn = frustum.cone.heading_north_q20;
   const std::int64_t he = frustum.cone.heading_east_q20;
-  return ColumnOffset{dn, de, (hn * dn + he * de) >> 20, (hn * de - he * dn) >> 20};
+  return ColumnOffset{dn, de, static_cast<std::int32_t>((hn * dn + he * de) >> 20),
+                      static_cast<std::int32_t>((hn * de - he * dn) >> 20)};
 }
 
 // Keeps the part of `span` where coefficient * z <= room.
 void limit_span(ColumnSpan& span, std::int64_t coefficient_q30, std::int64_t room_q10) {
-  constexpr std::int64_t kFar_q10 = 1LL << 26;
   if (coefficient_q30 == 0) {
     span.bottom_q10 = room_q10 < 0 ? span.top_q10 - 1 : span.bottom_q10;
     return;
   }
   // |room| < 2^26: 32000 cells.
-  const std::int64_t limit_q10 =
-      clamp<std::int64_t>(room_q10 * (1LL << 30) / coefficient_q30, -kFar_q10, kFar_q10);
+  const auto limit_q10 = static_cast<std::int32_t>(
+      clamp<std::int64_t>(room_q10 * (1LL << 30) / coefficient_q30, -kFar_q10, kFar_q10));
   if (coefficient_q30 > 0) {
     span.bottom_q10 = min_of(span.bottom_q10, limit_q10);
   } else {
@@ -168,9 +172,10 @@ void limit_span(ColumnSpan& span, std::int64_t coefficient_q30, std::int64_t roo
 // Inside the wider axis' circle, what one axis of a two-axis beam holds:
 // |a0 + a z| <= kTouch + g (p + s z).
 void limit_to_axis(ColumnSpan& span, const Frustum& frustum, const ColumnOffset& offset,
-                   const Direction& side, std::int64_t growth_q20) {
-  const std::int64_t p_q10 = (frustum.cone.horizontal_q30 * offset.x) >> 30;
-  const std::int64_t a0_q10 = (side.q30[0] * offset.dn + side.q30[1] * offset.de) >> 30;
+                   const Direction& side, std::int32_t growth_q20) {
+  const std::int64_t p_q10 = mul_shift(frustum.cone.horizontal_q30, offset.x, 30);
+  const std::int64_t a0_q10 =
+      (mul_shift(side.q30[0], offset.dn, 0) + mul_shift(side.q30[1], offset.de, 0)) >> 30;
   const std::int64_t room_q10 = kTouch_q10 + mul_shift(growth_q20, p_q10, 20);
   const std::int64_t widening_q30 = mul_shift(growth_q20, frustum.cone.down_q30, 20);
   limit_span(span, side.q30[2] - widening_q30, room_q10 - a0_q10);
@@ -179,8 +184,8 @@ void limit_to_axis(ColumnSpan& span, const Frustum& frustum, const ColumnOffset&
 
 // Voxels of a column of `cells` whose centres lie inside the cone.
 CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame, const ColumnOffset& offset,
-                         std::int64_t cells) {
-  const std::int64_t radius = frustum.cone.radius_q10;
+                         std::int32_t cells) {
+  const std::int32_t radius = frustum.cone.radius_q10;
   if (offset.y > radius || offset.y < -radius || offset.x < -radius ||
       offset.x > frustum.reach_q10) {
     return CellRange{0, -1};
@@ -195,31 +200,41 @@ CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame, const C
 }
 
 // Distance along the axis of the point `z` below the transducer.
-std::int64_t frustum_slant(const Frustum& frustum, const ColumnOffset& offset, std::int64_t z) {
-  return max_of<std::int64_t>(
-      0, (frustum.cone.horizontal_q30 * offset.x + frustum.cone.down_q30 * z) >> 30);
+std::int32_t frustum_slant(const Frustum& frustum, const ColumnOffset& offset, std::int32_t z) {
+  return max_of(0, static_cast<std::int32_t>((mul_shift(frustum.cone.horizontal_q30, offset.x, 0) +
+                                              mul_shift(frustum.cone.down_q30, z, 0)) >>
+                                             30));
+}
+
+std::uint64_t squared(std::int32_t value) {
+  return static_cast<std::uint64_t>(mul_shift(value, value, 0));
 }
 
 // Two-way pattern towards that point, Q15; -1 outside the footprint of a two-axis table, whose cone is
 // round and holds more than the beam.
 std::int32_t frustum_weight_q15(const Frustum& frustum, const LocalizationTable& table,
-                                const BeamFrame& frame, const ColumnOffset& offset, std::int64_t z,
-                                std::int64_t slant) {
+                                const BeamFrame& frame, const ColumnOffset& offset, std::int32_t z,
+                                std::int32_t slant) {
+  const auto half_width = [slant](std::int32_t growth_q20) {
+    return kTouch_q10 + static_cast<std::int32_t>(mul_shift(growth_q20, slant, 20));
+  };
   if (!frustum.two_axis) {
-    const std::int64_t off =
-        (frustum.cone.down_q30 * offset.x - frustum.cone.horizontal_q30 * z) >> 30;
-    const std::int64_t half_width = kTouch_q10 + mul_shift(frustum.cone.growth_q20, slant, 20);
-    return table.beam_weight_q15[0][beam_entry(off * off + offset.y * offset.y, half_width)];
+    const auto off = static_cast<std::int32_t>((mul_shift(frustum.cone.down_q30, offset.x, 0) -
+                                                mul_shift(frustum.cone.horizontal_q30, z, 0)) >>
+                                               30);
+    return table.beam_weight_q15[0][beam_entry(squared(off) + squared(offset.y),
+                                               half_width(frustum.cone.growth_q20))];
   }
   const auto component = [&](const Direction& side) {
-    return (side.q30[0] * offset.dn + side.q30[1] * offset.de + side.q30[2] * z) >> 30;
+    return static_cast<std::int32_t>((mul_shift(side.q30[0], offset.dn, 0) +
+                                      mul_shift(side.q30[1], offset.de, 0) +
+                                      mul_shift(side.q30[2], z, 0)) >>
+                                     30);
   };
-  const std::int64_t along = component(frame.along);
-  const std::int64_t across = component(frame.across);
-  const std::uint32_t entry_a =
-      beam_entry(along * along, kTouch_q10 + mul_shift(frustum.grow_along_q20, slant, 20));
-  const std::uint32_t entry_b =
-      beam_entry(across * across, kTouch_q10 + mul_shift(frustum.grow_across_q20, slant, 20));
+  const std::int32_t along = component(frame.along);
+  const std::int32_t across = component(frame.across);
+  const std::uint32_t entry_a = beam_entry(squared(along), half_width(frustum.grow_along_q20));
+  const std::uint32_t entry_b = beam_entry(squared(across), half_width(frustum.grow_across_q20));
   if (entry_a >= kBeamWeightSteps || entry_b >= kBeamWeightSteps) {
     return -1;
   }
@@ -241,12 +256,12 @@ Emptiness make_emptiness(std::uint32_t end_q14, std::uint32_t growth_q24, std::i
   return Emptiness{end_q14, growth_q24, (1ULL << 36U) / static_cast<std::uint32_t>(range_q10)};
 }
 
-inline std::uint32_t empty_strength_q7(const Emptiness& empty, std::int64_t slant_q10) {
+inline std::uint32_t empty_strength_q7(const Emptiness& empty, std::int32_t slant_q10) {
   if (empty.growth_q24 == 0) {
     return min_of(empty.end_q14 >> 7U, kMostEmpty_q7);
   }
   const auto share_q16 = static_cast<std::uint32_t>(min_of<std::uint64_t>(
-      (static_cast<std::uint64_t>(slant_q10) * empty.inverse_range_q36) >> 20U, 65536U));
+      (static_cast<std::uint32_t>(slant_q10) * empty.inverse_range_q36) >> 20U, 65536U));
   const std::uint64_t strength_q22 =
       static_cast<std::uint64_t>(empty.end_q14) * peak_gain_q8(empty.growth_q24, share_q16);
   return static_cast<std::uint32_t>(min_of<std::uint64_t>(strength_q22 >> 15U, kMostEmpty_q7));
@@ -306,8 +321,9 @@ std::uint32_t two_axis_weight_q15(const std::uint16_t* along, const std::uint16_
 
 // Entry of the tables over range / max_range.
 std::uint32_t range_entry(const Scale& scale, std::int32_t range_q10) {
-  const std::int64_t entry = mul_shift(max_of(range_q10, 0), scale.confidence_scale_q22, 22);
-  return static_cast<std::uint32_t>(min_of<std::int64_t>(entry, 64));
+  const auto range = static_cast<std::uint64_t>(static_cast<std::uint32_t>(max_of(range_q10, 0)));
+  return static_cast<std::uint32_t>(
+      min_of<std::uint64_t>((range * scale.confidence_scale_q22) >> 22U, 64));
 }
 
 }  // namespace
@@ -684,48 +700,45 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
   const bool plane = shell != nullptr && !shell->wall;
   const std::int64_t clearance_q16 = plane ? kernel_reach_q16(shell->level) + 0x8000 : 0;
   const CellRange rows = frustum_rows(frustum, sensor_->scale.size[0]);
-  for (std::int64_t n = rows.first; n <= rows.last; ++n) {
-    const std::int64_t dn = n * 1024 + 512 - frustum.origin_q10[0];
+  for (std::int32_t n = rows.first; n <= rows.last; ++n) {
+    const std::int32_t dn = n * 1024 + 512 - frustum.origin_q10[0];
     const CellRange row = frustum_row(frustum, dn, sensor_->scale.size[1]);
-    for (std::int64_t e = row.first; e <= row.last; ++e) {
-      const std::int64_t de = e * 1024 + 512 - frustum.origin_q10[1];
+    for (std::int32_t e = row.first; e <= row.last; ++e) {
+      const std::int32_t de = e * 1024 + 512 - frustum.origin_q10[1];
       const ColumnOffset offset = column_offset(frustum, dn, de);
       CellRange column = frustum_column(frustum, frame, offset, sensor_->scale.size[2]);
       if (plane) {
         // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
-        const std::int64_t plane_q16 =
-            shell->plane0_q16 + n * shell->depth_dn_q16 + e * shell->depth_de_q16;
-        column.last = min_of(column.last, (plane_q16 - clearance_q16) >> 16);
+        const std::int64_t plane_q16 = shell->plane0_q16 + mul_shift(n, shell->depth_dn_q16, 0) +
+                                       mul_shift(e, shell->depth_de_q16, 0);
+        column.last = static_cast<std::int32_t>(
+            clamp<std::int64_t>((plane_q16 - clearance_q16) >> 16, -1, column.last));
       }
       if (column.first > column.last) {
         continue;
       }
-      const auto cell_n = static_cast<std::int32_t>(n);
-      const auto cell_e = static_cast<std::int32_t>(e);
-      grid_.touch(grid_.tile_of(cell_n, cell_e), ping_number_);
-      Voxel* const voxels = grid_.column_voxels(grid_.column_index(cell_n, cell_e));
+      grid_.touch(grid_.tile_of(n, e), ping_number_);
+      Voxel* const voxels = grid_.column_voxels(grid_.column_index(n, e));
       const std::uint32_t dither =
           seed + static_cast<std::uint32_t>(n * kMaxSideCells + e) * kColumnDither;
-      for (std::int64_t k = column.first; k <= column.last; k += kRun) {
-        const std::int64_t count = min_of<std::int64_t>(kRun, column.last - k + 1);
-        if (voxels_this_ping_ + count > bound_.total_voxels) {
+      for (std::int32_t k = column.first; k <= column.last; k += kRun) {
+        const std::int32_t count = min_of(kRun, column.last - k + 1);
+        if (voxels_this_ping_ + static_cast<std::uint32_t>(count) > bound_.total_voxels) {
           ++counters_.cones_cut;
           return;
         }
         // Off-axis position and distance of the run's middle.
-        const std::int64_t z = k * 1024 + count * 512 - frustum.origin_q10[2];
-        const std::int64_t slant = frustum_slant(frustum, offset, z);
+        const std::int32_t z = k * 1024 + count * 512 - frustum.origin_q10[2];
+        const std::int32_t slant = frustum_slant(frustum, offset, z);
         const std::int32_t beam_q15 =
             frustum_weight_q15(frustum, sensor_->table, frame, offset, z, slant);
         if (beam_q15 < 0) {
           continue;
         }
-        const std::uint32_t distance =
-            range_entry(sensor_->scale, static_cast<std::int32_t>(slant));
+        const std::uint32_t distance = range_entry(sensor_->scale, slant);
         const std::uint32_t strength_q7 =
             (empty_strength_q7(empty, slant) * static_cast<std::uint32_t>(beam_q15)) >> 15U;
-        add_empty(voxels + k, static_cast<std::int32_t>(count), static_cast<std::uint32_t>(k),
-                  strength_q7, distance, dither);
+        add_empty(voxels + k, count, static_cast<std::uint32_t>(k), strength_q7, distance, dither);
         voxels_this_ping_ += static_cast<std::uint32_t>(count);
       }
     }

@@ -37,6 +37,10 @@ if(CMAKE_BUILD_TYPE STREQUAL "Debug")
   target_compile_definitions(leadline_flags INTERFACE _GLIBCXX_ASSERTIONS)
 endif()
 
+if(LEADLINE_SCALAR_KERNELS)
+  target_compile_definitions(leadline_flags INTERFACE LEADLINE_SCALAR_KERNELS)
+endif()
+
 if(LEADLINE_SANITIZE)
   # float-cast-overflow: not part of "undefined", and the way a wild decimal becomes a wild integer.
   set(sanitizers -fsanitize=address,undefined,float-cast-overflow)

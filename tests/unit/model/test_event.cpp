@@ -187,8 +187,9 @@ TEST(cone_span_against_the_frustum_point_by_point) {
       const double de = u[1] * along + (2.0 * random.uniform() - 1.0) * radius;
       const double hn = static_cast<double>(cone.heading_north_q20) * 0x1.0p-20;
       const double he = static_cast<double>(cone.heading_east_q20) * 0x1.0p-20;
-      const ColumnSpan span = cone_span(cone, std::llround((hn * dn + he * de) * 1024.0),
-                                        std::llround((hn * de - he * dn) * 1024.0));
+      const ColumnSpan span =
+          cone_span(cone, static_cast<std::int32_t>(std::lround((hn * dn + he * de) * 1024.0)),
+                    static_cast<std::int32_t>(std::lround((hn * de - he * dn) * 1024.0)));
       ++columns;
       const double margin = 0.02 + 0.002 * range;
       for (double z = -radius - range; z <= radius + range; z += 0.37) {
