@@ -12,8 +12,10 @@ void add_export_command(CLI::App* app, CommandRun* run) {
   CLI::App* const command =
       app->add_subcommand("export", "Write a map in the formats of other programs");
   command
-      ->add_option("map", options->input_path,
-                   "Folder of `map`, `receive` or `replay`, a raster, or a vehicle's log")
+      ->add_option(
+          "map", options->input_path,
+          "Folder of `map`, `receive` or `replay`, a raster, a vehicle's log, or a store of\n"
+          "surveys (FILE.lls: the one saved last; FILE.lls#N: survey N)")
       ->type_name("PATH")
       ->required();
   command->add_option("--out", options->out_path, "File to write (- is standard output)")
@@ -62,6 +64,7 @@ void add_export_command(CLI::App* app, CommandRun* run) {
       "so.\n\n"
       "Examples:\n"
       "  leadline export map --out depth.tif --datum MSL\n"
+      "  leadline export surveys.lls#2 --out chart.geojson\n"
       "  leadline export map --out soundings.xyz --lat 54.18 --lon 7.89\n"
       "  leadline export out/demo/survey.lll --out seafloor.ply --vertical elevation\n"
       "  leadline export map --out chart.kml --vertical depth --contours 2 --lat 54.18 --lon 7.89");

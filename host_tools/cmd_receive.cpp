@@ -21,6 +21,12 @@ void add_receive_command(CLI::App* app, CommandRun* run) {
       ->add_option("--out", options->out_dir,
                    "Map and receive.json: at the end, on SIGUSR1, and --every S")
       ->type_name("DIR");
+  command
+      ->add_option(
+          "--store", options->store_path,
+          "Keep the map in this file of surveys (leadline store), second by second; what it\n"
+          "has of the same survey is resumed")
+      ->type_name("FILE.lls");
   command->add_option("--every", options->every_s, "Write the results every S seconds")
       ->type_name("S")
       ->check(CLI::Range(0.1, 1e6));
@@ -46,6 +52,7 @@ void add_receive_command(CLI::App* app, CommandRun* run) {
       "before stays in a folder of its own inside DIR.\n\n"
       "Examples:\n"
       "  leadline receive --link udp:@:9100 --out map --every 10\n"
+      "  leadline receive --link udp:@:9100 --store surveys.lls\n"
       "  leadline receive --link file:survey.lll --out map");
   command->callback([options, run] { *run = [options] { return run_receive(*options); }; });
 }

@@ -76,8 +76,10 @@ void add_render_command(CLI::App* app, CommandRun* run_later) {
   render::PictureOptions& picture = options.picture;
   CLI::App* const command = app->add_subcommand("render", "Draw pictures of a map, as PNG");
   command
-      ->add_option("map", options.input_path,
-                   "Folder of `map`, `receive` or `replay`, or one raster that GDAL reads")
+      ->add_option(
+          "map", options.input_path,
+          "Folder of `map`, `receive` or `replay`, a log, a store (FILE.lls, FILE.lls#N), or one\n"
+          "raster that GDAL reads")
       ->type_name("PATH")
       ->required();
   command

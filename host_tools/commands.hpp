@@ -40,5 +40,6 @@ void add_import_command(CLI::App* app, CommandRun* run);
 void add_survey_command(CLI::App* app, CommandRun* run);
 void add_crosslines_command(CLI::App* app, CommandRun* run);
 void add_calibrate_command(CLI::App* app, CommandRun* run);
+void add_store_command(CLI::App* app, CommandRun* run);
 
 }  // namespace leadline::host

@@ -77,6 +77,7 @@ int main(int argc, char** argv) {
   leadline::host::add_survey_command(&app, &run);
   leadline::host::add_crosslines_command(&app, &run);
   leadline::host::add_calibrate_command(&app, &run);
+  leadline::host::add_store_command(&app, &run);
 
   try {
     app.parse(argc, argv);

@@ -15,7 +15,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 # Compiler and build; libraries of host_tools; the demo's font; of the ports; tests; benches.
 packages=(
   g++ cmake ninja-build pkg-config python3
-  libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev
+  libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev libsqlite3-dev
   fonts-dejavu-core
   libmodbus-dev libgpiod-dev
   libcmocka-dev

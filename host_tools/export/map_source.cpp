@@ -2,12 +2,14 @@
 
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/map_output.hpp"
+#include "host_tools/store/survey_store.hpp"
 #include "host_tools/topside/flight_log.hpp"
 #include "host_tools/topside/receiver.hpp"
 #include "host_tools/topside/soundings.hpp"
@@ -93,6 +95,20 @@ MapSource load_log(const std::string& path) {
   return source;
 }
 
+MapSource load_store(const std::string& path) {
+  const OpenedSurvey opened = open_survey(path);
+  MapSource source;
+  source.elevation = opened.map->elevation();
+  source.sigma = opened.map->sigma();
+  source.reference = hello_reference(opened.survey.hello);
+  source.origin = parse_store_path(path).file + ", survey " + std::to_string(opened.survey.number);
+  if (opened.load.damaged_tiles > 0) {
+    std::cerr << "leadline: warning: " << source.origin << ": " << opened.load.damaged_tiles
+              << " damaged tiles are left out\n";
+  }
+  return source;
+}
+
 MapSource load_folder(const std::string& path) {
   MapSource source;
   source.origin = path;
@@ -158,10 +174,18 @@ GeoReference hello_reference(const proto::Hello& hello) {
   return reference;
 }
 
+bool is_log_or_store(const std::string& path) {
+  std::error_code ignored;
+  return !fs::is_directory(path, ignored) && (is_log(path) || is_store_path(path));
+}
+
 MapSource load_map_source(const std::string& path) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored)) {
     return load_folder(path);
+  }
+  if (is_store_path(path)) {
+    return load_store(path);
   }
   if (!fs::exists(path, ignored)) {
     throw HostError(ExitCode::kInput, path + ": cannot be opened");

@@ -1,5 +1,5 @@
 // A map to export or draw, wherever it comes from: the folder of `map`, `receive` or `replay`, one raster,
-// or a vehicle's log (its downlink frames).
+// a vehicle's log (its downlink frames), or a survey of a store (FILE.lls, FILE.lls#N).
 #pragma once
 
 #include <optional>
@@ -19,6 +19,9 @@ struct MapSource {
   std::optional<SavedModel> model;  ///< the voxels, where the source has them
   std::string origin;               ///< in words, for headers of files
 };
+
+/// Whether the path names a log or a store: maps that are neither folder nor raster.
+[[nodiscard]] bool is_log_or_store(const std::string& path);
 
 /// Errors: HostError kInput naming the file.
 [[nodiscard]] MapSource load_map_source(const std::string& path);

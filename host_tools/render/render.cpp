@@ -7,6 +7,7 @@
 
 #include "host_tools/compare.hpp"
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/export/map_source.hpp"
 #include "host_tools/geotiff.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/progress.hpp"
@@ -27,9 +28,19 @@ bool is_folder(const std::string& path) {
   return std::filesystem::is_directory(path, ignored);
 }
 
-/// One raster of the input: a file of a result folder, or the input itself.
-Raster read_input(const std::string& path, const char* name_in_folder) {
-  return read_raster(is_folder(path) ? path + "/" + name_in_folder : path);
+enum class Layer : std::uint8_t { kElevation, kSigma };
+
+/// One raster of the input: a file of a result folder, a layer of a log's or a store's map, or the input
+/// itself.
+Raster read_input(const std::string& path, Layer layer) {
+  if (is_folder(path)) {
+    return read_raster(path + (layer == Layer::kSigma ? "/sigma.asc" : "/depth.asc"));
+  }
+  if (is_log_or_store(path)) {
+    MapSource source = load_map_source(path);
+    return layer == Layer::kSigma ? std::move(*source.sigma) : std::move(source.elevation);
+  }
+  return read_raster(path);
 }
 
 int slice_index(const RenderOptions& options, const VoxelField& voxels) {
@@ -51,11 +62,11 @@ int slice_index(const RenderOptions& options, const VoxelField& voxels) {
 std::string picture(const RenderOptions& options, View view) {
   switch (view) {
     case View::kDepth:
-      return depth_png(read_input(options.input_path, "depth.asc"), options.picture);
+      return depth_png(read_input(options.input_path, Layer::kElevation), options.picture);
     case View::kOblique:
-      return oblique_png(read_input(options.input_path, "depth.asc"), options.picture);
+      return oblique_png(read_input(options.input_path, Layer::kElevation), options.picture);
     case View::kUncertainty:
-      return uncertainty_png(read_input(options.input_path, "sigma.asc"), options.picture);
+      return uncertainty_png(read_input(options.input_path, Layer::kSigma), options.picture);
     case View::kDifference: {
       if (options.reference_path.empty()) {
         throw HostError(ExitCode::kUsage, "the difference picture needs --reference FILE");
@@ -65,8 +76,8 @@ std::string picture(const RenderOptions& options, View view) {
       if (!options.mask_path.empty()) {
         mask = read_raster(options.mask_path);
       }
-      return difference_png(depth_difference(read_input(options.input_path, "depth.asc"), reference,
-                                             mask.has_value() ? &*mask : nullptr),
+      return difference_png(depth_difference(read_input(options.input_path, Layer::kElevation),
+                                             reference, mask.has_value() ? &*mask : nullptr),
                             options.picture);
     }
     case View::kSlice:
@@ -109,7 +120,8 @@ void draw_all(const RenderOptions& given) {
   draw("depth", View::kDepth);
   draw("oblique", View::kOblique);
   std::error_code ignored;
-  if (std::filesystem::exists(options.input_path + "/sigma.asc", ignored)) {
+  if (std::filesystem::exists(options.input_path + "/sigma.asc", ignored) ||
+      is_log_or_store(options.input_path)) {
     draw("uncertainty", View::kUncertainty);
   }
   if (!options.reference_path.empty()) {

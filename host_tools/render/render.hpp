@@ -83,8 +83,8 @@ struct RenderOptions {
   /// uncertainty.png, slice_north.png, slice_east.png, slice_down.png, histogram.png and (with a
   /// reference) difference.png.
   std::optional<View> view;
-  /// Result folder of `leadline map` (depth.asc, sigma.asc), or one raster (ESRI ASCII or anything
-  /// GDAL reads): elevation, or sigma for kUncertainty.
+  /// Result folder of `leadline map` (depth.asc, sigma.asc), a vehicle's log, a survey of a store, or one
+  /// raster (ESRI ASCII or anything GDAL reads): elevation, or sigma for kUncertainty.
   std::string input_path;
   std::string reference_path;  ///< kDifference: elevation raster that counts as the truth
   std::string mask_path;       ///< kDifference: cells that count hold 1; "" = all

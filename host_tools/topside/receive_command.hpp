@@ -10,8 +10,9 @@
 namespace leadline::host {
 
 struct ReceiveOptions {
-  std::string link_uri;  ///< udp:@:PORT, serial:..., tcp:..., file:PATH; see hal/linux/uri.hpp
-  std::string out_dir;   ///< map and receive.json; "" = none
+  std::string link_uri;    ///< udp:@:PORT, serial:..., tcp:..., file:PATH; see hal/linux/uri.hpp
+  std::string out_dir;     ///< map and receive.json; "" = none
+  std::string store_path;  ///< surveys on disk (store/survey_store.hpp); "" = none
   std::string
       log_path;  ///< the vehicle's log, whose end record the map is compared with; "" = none
   std::optional<std::uint64_t> survey_id;
@@ -34,7 +35,8 @@ void write_received_map(const std::string& directory, const TileStore& store,
 
 /// The command: until SIGINT, SIGTERM, the end of a file, or --idle. Returns 0; 5 when a log was given and
 /// the map is not the vehicle's. Throws HostError: kUsage (the URI), kInput (another major version;
-/// nothing came that makes a map), kOutput.
+/// nothing came that makes a map; the store is none), kOutput (also when the store lacks something at the
+/// end; everything else is written then).
 int run_receive(const ReceiveOptions& options);
 
 }  // namespace leadline::host

@@ -185,6 +185,9 @@ void Receiver::take_hello(const proto::FrameView& frame) {
                " of the protocol: what this program does not know of it is passed over");
   }
   store_ = std::make_unique<TileStore>(said);
+  if (on_begun) {
+    on_begun(*store_);
+  }
   status_.reset();
   vehicle_cells_hash_.reset();
   resend_after_ = 0;

@@ -55,6 +55,8 @@ class Receiver {
 
   /// Called when another survey or session begins, with the map of the one before.
   std::function<void(const TileStore& ended)> on_replaced;
+  /// Called when a map begins, before anything is applied to it: to restore() what is known of it.
+  std::function<void(TileStore& begun)> on_begun;
 
   /// Takes bytes of a stream, in pieces of any size. Throws HostError kInput when the vehicle speaks
   /// another major version of the protocol.

@@ -39,8 +39,8 @@ class CommandLine(Case):
         names = re.findall(r"^  ([a-z]+) ", listed.split("\n\n")[0], re.MULTILINE)
         self.assertEqual(sorted(names), [
             "calibrate", "compare", "crosslines", "decode", "emulate", "export", "grid", "import",
-            "map", "probe", "query", "receive", "render", "replay", "scene", "simulate", "survey",
-            "table"])
+            "map", "probe", "query", "receive", "render", "replay", "scene", "simulate", "store",
+            "survey", "table"])
         for name in names:
             done = self.expect(self.run_leadline(name, "--help"), OK)
             self.assertIn(f"leadline {name} ", done.stdout.split("Example")[1])
