@@ -15,6 +15,18 @@
 #define LEADLINE_SENSOR_CAPACITY 4
 #endif
 
+#ifndef LEADLINE_QUEUE_BINS
+#define LEADLINE_QUEUE_BINS 65536  // of profiles that wait for their pose: 128 KiB
+#endif
+
+// LEADLINE_SPREAD: memory is in banks that no object spans. The largest arrays then lie in sections of their
+// own, for the linker script to place, and there is one model to a program.
+#ifdef LEADLINE_SPREAD
+#define LEADLINE_BANK(name) [[gnu::section(".bss.leadline." name)]] inline static
+#else
+#define LEADLINE_BANK(name)
+#endif
+
 namespace leadline::model {
 
 inline constexpr std::uint32_t kVoxelCapacity = LEADLINE_VOXEL_CAPACITY;

@@ -20,7 +20,7 @@ constexpr std::int32_t kLitReach_q8 = (kKernelCentre + 2) * 256;
 
 // Roughness: variance that terrain adds per (distance in cells)^4 when a column speaks for another.
 // First pass, and limits of what the residuals of that pass may turn it into.
-constexpr std::int64_t kRoughnessStart_q16 = 3277;   // 0.05
+constexpr std::int32_t kRoughnessStart_q16 = 3277;   // 0.05
 constexpr std::int64_t kRoughnessLeast_q16 = 328;    // 0.005
 constexpr std::int64_t kRoughnessMost_q16 = 655360;  // 10
 constexpr std::int64_t kRoughnessGain = 4;
@@ -39,9 +39,11 @@ constexpr std::int64_t kReliefFactor_q8 = 129;
 constexpr std::int64_t kRegistrationFactor_q8 = 182;
 constexpr std::int64_t kFloor_q16 = 662;  // a tenth of a cell: what a cell cannot say about itself
 
-// Weighted least squares plane over a window; coordinates relative to its centre.
+// Weighted least squares plane over a window; coordinates relative to its centre. Weights at most 2^14, |n|, |e|
+// <= 3, |z| <= 2^15, kWindow columns at most: what has no z in it stays below 2^23, the others below 2^37.
 struct PlaneSums {
-  std::int64_t s, sn, se, sz, snn, sne, see, snz, sez;
+  std::int32_t s, sn, se, snn, sne, see;
+  std::int64_t sz, snz, sez;
 };
 
 struct Plane {
@@ -50,24 +52,47 @@ struct Plane {
   std::int32_t east_q8;
 };
 
-void add(PlaneSums& sums, std::int64_t weight, std::int64_t n, std::int64_t e, std::int64_t z) {
+// Products in 32 bits, as the limits above allow: a microcontroller has no others in one instruction.
+void add(PlaneSums& sums, std::int32_t weight, std::int32_t n, std::int32_t e, std::int32_t z) {
+  const std::int32_t weight_n = weight * n;
+  const std::int32_t weight_e = weight * e;
   sums.s += weight;
-  sums.sn += weight * n;
-  sums.se += weight * e;
-  sums.sz += weight * z;
-  sums.snn += weight * n * n;
-  sums.sne += weight * n * e;
-  sums.see += weight * e * e;
-  sums.snz += weight * n * z;
-  sums.sez += weight * e * z;
+  sums.sn += weight_n;
+  sums.se += weight_e;
+  sums.snn += weight_n * n;
+  sums.sne += weight_n * e;
+  sums.see += weight_e * e;
+  sums.sz += static_cast<std::int64_t>(weight) * z;
+  sums.snz += static_cast<std::int64_t>(weight_n) * z;
+  sums.sez += static_cast<std::int64_t>(weight_e) * z;
 }
 
-// Weights at most 2^14, |n|,|e| <= 3, |z| <= 2^15: sums below 2^37, products below 2^58.
+// floor(2^40 / divisor), 1 <= divisor < 2^29. Where 64-bit division is a library's loop: by digits of the
+// quotient, each one 32-bit division.
+std::int64_t reciprocal_q40(std::uint32_t divisor) {
+  if constexpr (sizeof(void*) > 4) {
+    return static_cast<std::int64_t>((std::uint64_t{1} << 40U) / divisor);
+  }
+  constexpr std::uint32_t kFirst = 1U << 31U;
+  std::uint64_t quotient = kFirst / divisor;
+  std::uint32_t rest = kFirst % divisor;
+  for (int digit = 0; digit < 3; ++digit) {
+    rest <<= 3U;
+    quotient = (quotient << 3U) | (rest / divisor);
+    rest %= divisor;
+  }
+  return static_cast<std::int64_t>(quotient);
+}
+
+// Products of two sums stay below 2^58.
 Plane solve(const PlaneSums& sums) {
-  const std::int64_t ridge = (sums.s * sums.s >> 6) + 1;  // 1/64 cell^2: keeps a line solvable
-  std::int64_t cnn = sums.s * sums.snn - sums.sn * sums.sn + ridge;
-  std::int64_t cee = sums.s * sums.see - sums.se * sums.se + ridge;
-  std::int64_t cne = sums.s * sums.sne - sums.sn * sums.se;
+  const auto product = [](std::int32_t a, std::int32_t b) {
+    return static_cast<std::int64_t>(a) * b;
+  };
+  const std::int64_t ridge = (product(sums.s, sums.s) >> 6) + 1;  // 1/64 cell^2: a line is solvable
+  std::int64_t cnn = product(sums.s, sums.snn) - product(sums.sn, sums.sn) + ridge;
+  std::int64_t cee = product(sums.s, sums.see) - product(sums.se, sums.se) + ridge;
+  std::int64_t cne = product(sums.s, sums.sne) - product(sums.sn, sums.se);
   std::int64_t cnz = sums.s * sums.snz - sums.sn * sums.sz;
   std::int64_t cez = sums.s * sums.sez - sums.se * sums.sz;
   const auto magnitude = [](std::int64_t v) { return static_cast<std::uint64_t>(v < 0 ? -v : v); };
@@ -101,9 +126,17 @@ std::int32_t evidence_end(const Voxel* voxels, std::int32_t depth_cells) {
 // A column of the smoothing window: place and depth relative to the middle one, noise of its depth.
 struct Neighbour {
   std::int32_t n, e, z_q8, distance4;
-  std::int64_t noise_q16;  // cells^2
+  std::int32_t noise_q16;  // cells^2, 1 .. kMostNoise_q16
   bool lone;               // kColumnLone
 };
+
+// Of a column's depth, from the evidence in it: unit / mass within limits. Units are below 2^32 but for cells of
+// a sonar that no one builds.
+std::int32_t column_noise_q16(std::int64_t unit_q16, std::uint32_t mass) {
+  const std::int64_t noise_q16 = unit_q16 >> 32 == 0 ? static_cast<std::uint32_t>(unit_q16) / mass
+                                                     : unit_q16 / static_cast<std::int64_t>(mass);
+  return static_cast<std::int32_t>(clamp<std::int64_t>(noise_q16, 1, kMostNoise_q16));
+}
 
 std::int32_t distance(std::int32_t a, std::int32_t b) { return a < b ? b - a : a - b; }
 
@@ -139,8 +172,8 @@ void discount_lone(Neighbour* window, int count) {
   for (int i = 0; i < count; ++i) {
     const std::int64_t off_q8 = distance(window[i].z_q8, middle_q8);
     if (window[i].lone && off_q8 > limit_q8) {
-      window[i].noise_q16 =
-          min_of<std::int64_t>(window[i].noise_q16 + 4 * off_q8 * off_q8, kMostNoise_q16);
+      window[i].noise_q16 = static_cast<std::int32_t>(
+          min_of<std::int64_t>(window[i].noise_q16 + 4 * off_q8 * off_q8, kMostNoise_q16));
     }
   }
 }
@@ -259,7 +292,7 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
                                 j,
                                 clamp(other.raw_q8 - reference_q8, -32768, 32767),
                                 distance2 * distance2,
-                                clamp<std::int64_t>(unit_q16 / other.mass, 1, kMostNoise_q16),
+                                column_noise_q16(unit_q16, other.mass),
                                 (grid_.column(index).flags & kColumnLone) != 0};
       any_lone = any_lone || window[count].lone;
       ++count;
@@ -272,19 +305,21 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
   if (any_lone) {
     discount_lone(window, count);
   }
-  std::int64_t roughness_q16 = kRoughnessStart_q16;
+  std::int32_t roughness_q16 = kRoughnessStart_q16;
   for (int pass = 0;; ++pass) {
-    // Weight = 1 / (noise + roughness d^4), scaled so that the largest takes 14 bits.
-    std::int64_t weights[kWindow];
+    // Weight = 1 / (noise + roughness d^4), scaled so that the largest takes 14 bits. The sum: below 2^29.
+    std::int64_t quotients[kWindow];
     std::int64_t largest = 0;
     for (int i = 0; i < count; ++i) {
-      weights[i] = (1LL << 40) / (window[i].noise_q16 + roughness_q16 * window[i].distance4);
-      largest = max_of(largest, weights[i]);
+      quotients[i] = reciprocal_q40(
+          static_cast<std::uint32_t>(window[i].noise_q16 + roughness_q16 * window[i].distance4));
+      largest = max_of(largest, quotients[i]);
     }
     const int shift = max_of(0, 50 - base::leading_zeros64(static_cast<std::uint64_t>(largest)));
+    std::int32_t weights[kWindow];
     PlaneSums sums{};
     for (int i = 0; i < count; ++i) {
-      weights[i] >>= shift;
+      weights[i] = static_cast<std::int32_t>(quotients[i] >> shift);
       add(sums, weights[i], window[i].n, window[i].e, window[i].z_q8);
     }
     if (sums.s == 0) {
@@ -297,23 +332,25 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
       const std::int64_t fit = plane.centre_q8 +
                                static_cast<std::int64_t>(plane.north_q8) * window[i].n +
                                static_cast<std::int64_t>(plane.east_q8) * window[i].e;
-      const std::int64_t miss = clamp<std::int64_t>(window[i].z_q8 - fit, -16384, 16384);
-      residual += weights[i] * miss * miss;
-      noise += weights[i] * window[i].noise_q16;
+      const auto miss =
+          static_cast<std::int32_t>(clamp<std::int64_t>(window[i].z_q8 - fit, -16384, 16384));
+      residual += static_cast<std::int64_t>(weights[i] * miss) * miss;
+      noise += static_cast<std::int64_t>(weights[i]) * window[i].noise_q16;
     }
     const std::int64_t residual_q16 = residual / sums.s;
     const std::int64_t noise_q16 = noise / sums.s;
     if (pass == 1) {
       own.depth_q8 = clamp(reference_q8 + plane.centre_q8, 0, 256 * scale_.size[2]);
       own.noise_q16 = static_cast<std::uint32_t>(clamp<std::int64_t>(
-          (1LL << 40) / max_of<std::int64_t>(sums.s << shift, 1), 1, 1LL << 30));
+          (1LL << 40) / max_of<std::int64_t>(std::int64_t{sums.s} << shift, 1), 1, 1LL << 30));
       return;
     }
     // What the plane leaves beyond noise is terrain: let it narrow the window of the second pass.
-    const std::int64_t spread_q8 = max_of<std::int64_t>(128, ((sums.snn + sums.see) << 8) / sums.s);
+    const std::int64_t spread_q8 =
+        max_of<std::int64_t>(128, ((std::int64_t{sums.snn} + sums.see) << 8) / sums.s);
     const std::int64_t excess_q16 = max_of<std::int64_t>(0, residual_q16 - noise_q16 / 2);
-    roughness_q16 = clamp<std::int64_t>(kRoughnessGain * (excess_q16 << 8) / spread_q8,
-                                        kRoughnessLeast_q16, kRoughnessMost_q16);
+    roughness_q16 = static_cast<std::int32_t>(clamp<std::int64_t>(
+        kRoughnessGain * (excess_q16 << 8) / spread_q8, kRoughnessLeast_q16, kRoughnessMost_q16));
   }
 }
 

@@ -19,6 +19,14 @@ struct Voxel {
 };
 static_assert(sizeof(Voxel) == 4, "at most 4 bytes per voxel for signal and certainty together");
 
+/// The vector kernels may read and rewrite (unchanged) up to 16 voxels past a column's end; without them
+/// (column_kernels.hpp) nothing is touched there.
+#if defined(__ARM_ARCH_7EM__)
+inline constexpr std::size_t kVoxelPadding = 0;
+#else
+inline constexpr std::size_t kVoxelPadding = 64;
+#endif
+
 /// A depth that is not known. Depths are in 1/256 cell from the top of the grid, positive down.
 inline constexpr std::int32_t kUnknownDepth = INT32_MIN;
 
@@ -146,9 +154,8 @@ class Grid {
   std::int32_t depth_ = 0;
   std::int32_t tiles_east_ = 0;
   TileId tile_count_ = 0;
-  // The vector kernels may read and rewrite (unchanged) up to 16 voxels past a column's end.
-  Voxel voxels_[kVoxelCapacity + 64];
-  ColumnRecord columns_[kColumnCapacity];
+  LEADLINE_BANK("voxels") Voxel voxels_[kVoxelCapacity + kVoxelPadding];
+  LEADLINE_BANK("columns") ColumnRecord columns_[kColumnCapacity];
   TileRecord tiles_[kTileCapacity];
   TileId touched_[kTileCapacity];  // each tile at most once: kTileListed
   std::uint32_t touched_count_ = 0;

@@ -201,7 +201,7 @@ class Model {
   std::int64_t registration_q12_ = 0;    // cells^2, see DESIGN.md
   Grid grid_;
   DepthMethod method_ = DepthMethod::kRobustMoment;  // of the raw depths in results_
-  ColumnResult results_[kColumnCapacity];
+  LEADLINE_BANK("results") ColumnResult results_[kColumnCapacity];
 };
 
 }  // namespace leadline::model

@@ -118,6 +118,7 @@ enum Alarm : std::uint32_t {
   kAlarmOutsideGrid = 1U << 9U,    ///< the vehicle is outside the grid
   kAlarmInputDropped = 1U << 10U,  ///< device bytes were dropped for want of room
   kAlarmPoseEpoch = 1U << 11U,     ///< navigation jumped: a new epoch since the last status
+  kAlarmRestarted = 1U << 12U,     ///< the vehicle failed and started over, with an empty map
 };
 
 inline constexpr int kMaxStatusPorts = 8;

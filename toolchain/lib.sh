@@ -78,3 +78,15 @@ step_summary() {
   printf '%-44s %8d\n' total "$SECONDS"
   return $failed
 }
+
+# m7_run IMAGE [SEMIHOSTING] [QEMU OPTION...] : the board until the image ends it; its words on standard output.
+# An instruction takes 2^7 ns of the board's time: hal/m7/clock.hpp counts them.
+m7_run() {
+  local image=$1 semihosting=${2:-}
+  shift
+  [ $# -eq 0 ] || shift
+  qemu-system-arm -M mps2-an500 -display none -monitor none -serial none -chardev stdio,id=sh0 \
+    -icount shift=7,sleep=off \
+    -semihosting-config "enable=on,target=native,chardev=sh0${semihosting:+,$semihosting}" "$@" \
+    -kernel "$image" </dev/null
+}

@@ -7,6 +7,7 @@
 
 #include "model/base/ping.hpp"
 #include "model/base/status.hpp"
+#include "model/capacity.hpp"
 
 namespace leadline::firmware {
 
@@ -15,8 +16,9 @@ namespace leadline::firmware {
 class PingQueue {
  public:
   static constexpr std::size_t kCapacity_count = 256;
-  /// Bins of all waiting profiles together: 54 of the longest of a Ping360.
-  static constexpr std::size_t kBinCapacity_count = 65536;
+  /// Bins of all waiting profiles together: by default 54 of the longest of a Ping360. What does not find room
+  /// sheds the oldest, so that targets agree on a log only where they agree on this or nothing is shed.
+  static constexpr std::size_t kBinCapacity_count = LEADLINE_QUEUE_BINS;
 
   PingQueue() = default;
   PingQueue(const PingQueue&) = delete;

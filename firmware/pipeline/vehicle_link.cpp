@@ -40,6 +40,7 @@ constexpr AlarmText kBegins[] = {
     {proto::kAlarmTimeStepped, proto::Severity::kWarning, "Clock went back"},
     {proto::kAlarmOutsideGrid, proto::Severity::kInfo, "Outside the grid"},
     {proto::kAlarmPoseEpoch, proto::Severity::kWarning, "Navigation jumped: new epoch"},
+    {proto::kAlarmRestarted, proto::Severity::kError, "Started over after a failure"},
 };
 constexpr AlarmText kEnds[] = {
     {proto::kAlarmMappingPaused, proto::Severity::kInfo, "Mapping goes on"},

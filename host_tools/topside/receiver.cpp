@@ -56,6 +56,7 @@ constexpr AlarmName kAlarmNames[] = {
     {proto::kAlarmOutsideGrid, "outside the grid"},
     {proto::kAlarmInputDropped, "device bytes dropped"},
     {proto::kAlarmPoseEpoch, "navigation jumped"},
+    {proto::kAlarmRestarted, "the vehicle failed and started over"},
 };
 
 }  // namespace

@@ -77,6 +77,14 @@ add_library(leadline_host_flags INTERFACE)
 target_link_libraries(leadline_host_flags INTERFACE leadline_flags)
 target_compile_options(leadline_host_flags INTERFACE -ffp-contract=off -Wconversion)
 
+if(CMAKE_SYSTEM_NAME STREQUAL "Generic")
+  # errno would be state of the C library; guards of static objects and unwinding tables are for threads and
+  # exceptions that are not there. Frame sizes and calls: toolchain/stack_check.py reads them.
+  target_compile_options(leadline_vehicle_flags INTERFACE
+    -fno-math-errno -fno-threadsafe-statics -fno-unwind-tables -fno-asynchronous-unwind-tables
+    -fstack-usage -fcallgraph-info=su)
+endif()
+
 function(leadline_vehicle_library name)
   if(ARGN)
     file(GLOB headers CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.hpp)

@@ -1,0 +1,223 @@
+// The image that replays: a log of the host's through the same vehicle, and what it costs in instructions.
+//
+//   qemu-system-arm ... -icount shift=7,sleep=off -semihosting-config ...,arg=replay,arg=LOG
+//
+// Prints `map_hash=... link_hash=... cells_hash=... same_as_flight=... instructions_total=...`. Instructions are
+// those of Vehicle::cycle(); of a ping those of Model::integrate(), which the linker leads through here
+// (--wrap). Exit status as of leadline-replay: 0, 2 usage, 3 the log cannot be replayed, 5 another result.
+#include <array>
+#include <cstdint>
+#include <cstring>
+
+#include "firmware/m7/entry_points.hpp"
+#include "firmware/m7/fault_record.hpp"
+#include "firmware/pipeline/log_player.hpp"
+#include "firmware/pipeline/session_log.hpp"
+#include "firmware/pipeline/vehicle.hpp"
+#include "hal/m7/clock.hpp"
+#include "hal/m7/semihost.hpp"
+
+namespace leadline::firmware::m7 {
+extern Vehicle the_vehicle;
+}
+
+namespace {
+
+using leadline::firmware::LogEvent;
+using leadline::firmware::LogPlayer;
+using leadline::firmware::m7::the_vehicle;
+using leadline::hal::m7::InstructionCounter;
+using leadline::hal::m7::say;
+using leadline::model::Model;
+using leadline::model::PingResult;
+
+constexpr std::uint32_t kOk = 0;
+constexpr std::uint32_t kUsage = 2;
+constexpr std::uint32_t kInput = 3;
+constexpr std::uint32_t kDiffers = 5;
+
+[[gnu::section(".bss.leadline.tools")]] LogPlayer player;
+[[gnu::section(".bss.leadline.tools")]] std::uint8_t buffer[65536];
+InstructionCounter counter;
+
+/// Ticks, exact; printed as instructions.
+struct Costs {
+  std::uint64_t cycles_ticks = 0;
+  std::uint32_t worst_cycle_ticks = 0;
+  std::uint64_t pings_ticks = 0;
+  std::uint64_t pings = 0;
+  std::uint32_t worst_ping_ticks = 0;
+  std::uint32_t worst_ping_voxels = 0;
+  std::uint64_t worst_ping_number = 0;
+};
+Costs costs;
+
+void say_number(const char* name, std::uint64_t value) {
+  char digits[21];
+  std::size_t at = sizeof digits - 1;
+  digits[at] = '\0';
+  do {
+    --at;
+    digits[at] = static_cast<char>('0' + value % 10U);
+    value /= 10U;
+  } while (value > 0);
+  say(name);
+  say(digits + at);
+}
+
+/// What is done with everything that the player finds. False: the log is of no use.
+bool act(LogEvent event) {
+  using leadline::base::Status;
+  if (event == LogEvent::kConfigured) {
+    const Status status =
+        the_vehicle.configure(player.config(), player.tables(), player.table_count());
+    if (status != Status::kOk) {
+      say("replay: error: the vehicle refuses this configuration: ");
+      say(leadline::base::status_text(status));
+      say("\n");
+    }
+    return status == Status::kOk;
+  }
+  if (event == LogEvent::kCycle) {
+    leadline::firmware::CycleOutput output{};
+    const std::uint32_t begin = counter.ticks();
+    the_vehicle.cycle(player.input(), output);
+    const std::uint32_t ticks = counter.ticks() - begin;
+    costs.cycles_ticks += ticks;
+    costs.worst_cycle_ticks = ticks > costs.worst_cycle_ticks ? ticks : costs.worst_cycle_ticks;
+  } else if (event == LogEvent::kRefused) {
+    say("replay: error: ");
+    say(leadline::firmware::log_refusal_text(player.refusal()));
+    say("\n");
+    return false;
+  }
+  return true;
+}
+
+bool play(const char* path) {
+  leadline::hal::m7::HostFile file;
+  if (!file.open(path, leadline::hal::m7::OpenMode::kReadBytes)) {
+    say("replay: error: the log cannot be read\n");
+    return false;
+  }
+  player.begin();
+  for (std::size_t size = file.read(buffer, sizeof buffer); size > 0;
+       size = file.read(buffer, sizeof buffer)) {
+    std::size_t at = 0;
+    while (at < size) {
+      std::size_t used = 0;
+      const LogEvent event = player.feed(buffer + at, size - at, used);
+      at += used;
+      if (!act(event)) {
+        return false;
+      }
+    }
+  }
+  file.close();
+  return act(player.finish());
+}
+
+void say_findings() {
+  leadline::firmware::FindingText texts[leadline::firmware::kMaxFindingTexts];
+  const std::size_t count =
+      leadline::firmware::finding_texts(player.findings(), player.end().has_value(), texts);
+  for (std::size_t i = 0; i < count; ++i) {
+    say("replay: gap: ");
+    if (texts[i].count > 0) {
+      say_number("", texts[i].count);
+      say(" ");
+    }
+    say(texts[i].text);
+    say("\n");
+  }
+}
+
+std::uint32_t result() {
+  const auto& flown = player.end();
+  const leadline::proto::LogEnd now = leadline::firmware::log_end_of(the_vehicle, player.t_us());
+  const leadline::proto::LogEnd* const then = flown ? &*flown : nullptr;
+  char line[leadline::firmware::kHashLine_bytes];
+  (void)leadline::firmware::hash_line(now, line);
+  say(line);
+  say(" same_as_flight=");
+  say(leadline::firmware::same_as_flight_text(now, then));
+  say_number(" instructions_total=", InstructionCounter::instructions(costs.cycles_ticks));
+  say_number(" instructions_worst_cycle=",
+             InstructionCounter::instructions(costs.worst_cycle_ticks));
+  say_number(" instructions_worst_ping=", InstructionCounter::instructions(costs.worst_ping_ticks));
+  say_number(" worst_ping_voxels=", costs.worst_ping_voxels);
+  say_number(" worst_ping_number=", costs.worst_ping_number);
+  say_number(" instructions_pings=", InstructionCounter::instructions(costs.pings_ticks));
+  say_number(" pings=", costs.pings);
+  say_number(" cycles=", the_vehicle.counters().cycles);
+  say("\n");
+  return then != nullptr && !leadline::firmware::same_results(now, *then) ? kDiffers : kOk;
+}
+
+/// "NAME LOG": the log's path, which may have blanks in it. Null: there is none.
+const char* log_path() {
+  static char words[1024];
+  if (!leadline::hal::m7::command_line(words, sizeof words)) {
+    return nullptr;
+  }
+  const char* const blank = std::strchr(words, ' ');
+  return blank != nullptr && blank[1] != '\0' ? blank + 1 : nullptr;
+}
+
+}  // namespace
+
+// Model::integrate() by the names that the compiler gives to it and to its wrapper. A change of its parameters
+// shows: nothing would be counted, and tests/cli/test_m7_ci.sh asks for more.
+extern "C" {
+PingResult __real__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEj(
+    Model* model, const leadline::base::Ping& ping, const leadline::base::Pose& pose,
+    std::size_t sensor);
+PingResult __wrap__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEj(
+    Model* model, const leadline::base::Ping& ping, const leadline::base::Pose& pose,
+    std::size_t sensor);
+
+PingResult __wrap__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEj(
+    Model* model, const leadline::base::Ping& ping, const leadline::base::Pose& pose,
+    std::size_t sensor) {
+  const std::uint32_t begin = counter.ticks();
+  const PingResult outcome =
+      __real__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEj(model, ping, pose,
+                                                                              sensor);
+  const std::uint32_t ticks = counter.ticks() - begin;
+  ++costs.pings;
+  costs.pings_ticks += ticks;
+  if (ticks > costs.worst_ping_ticks) {
+    costs.worst_ping_ticks = ticks;
+    costs.worst_ping_voxels = model->counters().last_voxels_per_ping;
+    costs.worst_ping_number = costs.pings;
+  }
+  return outcome;
+}
+
+void leadline_main() {
+  const leadline::firmware::m7::FaultRecord before = leadline::firmware::m7::take_kept_state();
+  if (before.cause != leadline::firmware::m7::FaultCause::kNone) {
+    say("replay: error: a fault:");
+    say_number(" cause ", static_cast<std::uint32_t>(before.cause));
+    say_number(" pc ", before.pc);
+    say_number(" lr ", before.lr);
+    say_number(" sp ", before.sp);
+    say_number(" status ", before.fault_status);
+    say_number(" address ", before.address);
+    say("\n");
+    leadline::hal::m7::exit(kInput);
+  }
+  counter.start();
+  const char* const path = log_path();
+  if (path == nullptr) {
+    say("replay: error: no log on the command line\n");
+    leadline::hal::m7::exit(kUsage);
+  }
+  const bool played = play(path);
+  if (!played) {
+    leadline::hal::m7::exit(kInput);
+  }
+  say_findings();
+  leadline::hal::m7::exit(result());
+}
+}

@@ -1,0 +1,84 @@
+#!/usr/bin/env bash
+# Builds images for a Cortex-M7 and runs them on QEMU's board MPS2 AN500.
+#
+# usage: toolchain/m7.sh [--board an500|stm32h743] COMMAND ...
+#   build                 the images: build/<preset>/firmware/leadline-m7*.elf
+#   replay LOG...         plays logs on the board; a line for each:
+#                         map_hash=... link_hash=... cells_hash=... same_as_flight=...
+#                         instructions_total=... (of Vehicle::cycle), instructions_worst_cycle, ..._worst_ping (of
+#                         Model::integrate), with the ping's number and voxels; exact, and the same in every run
+#   gates                 what an image may not hold, and how deep its stack goes (toolchain/m7_gates.py)
+#   test [PATTERN]        the unit tests of vehicle code on the board
+#   --board stm32h743     as much memory as that part has (default an500: 16 MiB for the map)
+#
+# Installs and builds what it needs (toolchain/setup.sh --m7: the compiler is 2.4 GB); messages go to standard
+# error. Exit code of replay as leadline-replay's: 3 a log cannot be replayed, 5 the flight ended otherwise.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+
+board=an500
+while [ $# -gt 0 ]; do
+  case $1 in
+    --board)
+      [ $# -ge 2 ] || usage_error "--board wants an500 or stm32h743"
+      board=$2
+      shift
+      ;;
+    -h | --help)
+      print_help
+      exit 0
+      ;;
+    -*) usage_error "unknown option $1" ;;
+    *) break ;;
+  esac
+  shift
+done
+case $board in
+  an500) preset=cortex-m7 ;;
+  stm32h743) preset=stm32h743 ;;
+  *) usage_error "unknown board $board" ;;
+esac
+[ $# -gt 0 ] || usage_error "a command is needed"
+command=$1
+shift
+images="$root/build/$preset/firmware"
+
+messages=$(mktemp)
+trap 'rm -f "$messages"' EXIT
+build() {
+  mkdir -p "$root/build"
+  exec 9>"$root/build/.$preset.lock"
+  flock 9
+  if ! { "$root/toolchain/setup.sh" --m7 && configure_and_build "$preset" "$@"; } >"$messages" 2>&1; then
+    cat "$messages" >&2
+    die "$preset cannot be built"
+  fi
+  exec 9>&-
+}
+
+replay_one() {
+  local log=$1 path
+  [ -r "$log" ] || {
+    warn "cannot read $log"
+    return 3
+  }
+  # QEMU takes a comma for the end of an option; doubled it is one.
+  path=$(realpath "$log")
+  m7_run "$images/leadline-m7-replay.elf" "arg=replay,arg=${path//,/,,}"
+}
+
+case $command in
+  build) build all ;;
+  replay)
+    [ $# -gt 0 ] || usage_error "replay wants a log"
+    build leadline-m7-replay
+    result=0
+    for log in "$@"; do
+      one=0
+      replay_one "$log" || one=$?
+      [ $one -le $result ] || result=$one
+    done
+    exit $result
+    ;;
+  *) usage_error "unknown command $command" ;;
+esac
