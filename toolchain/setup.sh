@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # Installs what is missing from Debian 12 to build, run and test Leadline.
 #
-# usage: toolchain/setup.sh [--checks] [--full] [--dry-run]
+# usage: toolchain/setup.sh [--checks] [--full] [--m7] [--dry-run]
 #   --checks    also what the ci and full tiers need: clang 14 tools and gcovr
 #   --full      also what only the full tier needs: PCL, which reads our point clouds (300 MB)
+#   --m7        also what toolchain/m7.sh needs: the compiler for bare metal, 2.4 GB, and QEMU
 #   --dry-run   only tell what is missing; exit code 1 when something is
 #
 # Does nothing, and needs no rights, when nothing is missing; otherwise it needs root or sudo. Never
-# installs cross compilers. Afterwards:
+# installs cross compilers unless asked to. Afterwards:
 #   cmake --preset release && cmake --build --preset release
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
@@ -32,6 +33,9 @@ check_packages=(
 )
 full_packages=(pcl-tools)
 # The target's libraries are unpacked beside the build (toolchain/sysroot.sh), not installed.
+m7_packages=(
+  gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib libnewlib-arm-none-eabi qemu-system-arm
+)
 cross_packages=(g++-aarch64-linux-gnu g++-arm-linux-gnueabihf qemu-user-static debian-archive-keyring)
 
 dry_run=0
@@ -41,6 +45,7 @@ while [ $# -gt 0 ]; do
     --full) packages+=("${full_packages[@]}") ;;
     --clang) packages+=(clang-14) ;;
     --cross) packages+=("${cross_packages[@]}") ;;
+    --m7) packages+=("${m7_packages[@]}") ;;
     --dry-run) dry_run=1 ;;
     -h | --help)
       print_help
