@@ -492,11 +492,28 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
 namespace {
 
 // Depths beyond any grid are as good as infinite.
+template <typename Term>
 std::int32_t limited_q10(std::int64_t depth_q10) {
-  return static_cast<std::int32_t>(clamp<std::int64_t>(depth_q10, -kFar_q10, kFar_q10));
+  return static_cast<std::int32_t>(
+      clamp<Term>(static_cast<Term>(depth_q10), Term{-kFar_q10}, Term{kFar_q10}));
 }
 
-// `Term` holds B and its parts: 32 bits where the cone is narrow, which is most of the time.
+// C / q, limited likewise.
+std::int32_t limited_ratio_q10(std::int64_t c_q20, std::int64_t q_q20) {
+  return limited_q10<std::int64_t>(c_q20 * (1 << 10) / q_q20);
+}
+std::int32_t limited_ratio_q10(std::int64_t c_q20, std::int32_t q_q20) {
+  const bool negative = (c_q20 < 0) != (q_q20 < 0);
+  const auto c = static_cast<std::uint64_t>(c_q20 < 0 ? -c_q20 : c_q20) << 10U;
+  const auto q = static_cast<std::uint32_t>(q_q20 < 0 ? -q_q20 : q_q20);
+  // 2^26 at least: as good as infinite, and what is less has a quotient of 32 bits.
+  const std::int32_t size =
+      (c >> 26U) >= q ? kFar_q10 : static_cast<std::int32_t>(base::quotient_u32(c, q));
+  return negative ? -size : size;
+}
+
+// `Term` holds B and its parts: 32 bits where the cone is narrow, which is most of the time. There lengths are
+// below 2^18, q below 2^30, and every depth below 2^31 before it is limited.
 template <typename Term>
 ColumnSpan cone_span_of(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10) {
   constexpr ColumnSpan kOutside{1, 0};
@@ -529,14 +546,14 @@ ColumnSpan cone_span_of(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10
       static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40))) << cone.drop);
   // The two roots without cancellation: q / A and C / q.
   const auto q_q20 = static_cast<Term>(b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20);
-  const std::int32_t one_q10 = q_q20 == 0 ? 0 : limited_q10(c_q20 * (1 << 10) / q_q20);
+  const std::int32_t one_q10 = q_q20 == 0 ? 0 : limited_ratio_q10(c_q20, q_q20);
   // |q| < 2^39 (8000 cells of an 80 degree beam), 1/A < 2^26: less 6 bits, below 2^59. Close to the
   // vertical A is small and worth a division.
   std::int32_t other_q10 = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
   if (cone.inverse_a_q16 != 0) {
-    other_q10 = limited_q10(mul_shift(q_q20 >> 6, cone.inverse_a_q16, 20));
+    other_q10 = limited_q10<Term>(mul_shift(q_q20 >> 6, cone.inverse_a_q16, 20));
   } else if (cone.a_q30 <= -16 || cone.a_q30 >= 16) {
-    other_q10 = limited_q10(mul_shift(q_q20, 1 << 20, 0) / cone.a_q30);
+    other_q10 = limited_q10<std::int64_t>(mul_shift(q_q20, 1 << 20, 0) / cone.a_q30);
   }
   ColumnSpan span{min_of(one_q10, other_q10), max_of(one_q10, other_q10)};
   if (cone.a_q30 < 0) {
@@ -547,9 +564,9 @@ ColumnSpan cone_span_of(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10
   // Slant distance p + s z between the transducer and the end.
   const auto p_q10 = static_cast<std::int32_t>(p_q20 >> 10);
   if (cone.inverse_down_q12 != 0) {
-    const std::int32_t at_start = limited_q10(mul_shift(-p_q10, cone.inverse_down_q12, 12));
+    const std::int32_t at_start = limited_q10<Term>(mul_shift(-p_q10, cone.inverse_down_q12, 12));
     const std::int32_t at_end =
-        limited_q10(mul_shift(cone.range_q10 - p_q10, cone.inverse_down_q12, 12));
+        limited_q10<Term>(mul_shift(cone.range_q10 - p_q10, cone.inverse_down_q12, 12));
     span.top_q10 = max_of(span.top_q10, min_of(at_start, at_end));
     span.bottom_q10 = min_of(span.bottom_q10, max_of(at_start, at_end));
   } else if (p_q10 < 0 || p_q10 > cone.range_q10) {

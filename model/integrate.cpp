@@ -434,6 +434,7 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
       if (record.gain > (kRegrowth - 1) * record.mass) {
         const ColumnDepth column = depth_of(index, DepthMethod::kRobustMoment);
         ++counters_.column_extractions;
+        ++work_.columns_read;
         record.depth_q8 = column.depth_q8;
         record.mass = column.mass;
         record.gain = 0;
@@ -644,14 +645,19 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
   }
   const bool two_axis = sensor_->table.two_axis != 0;
   std::uint32_t rescale_candidate = kNoColumn;
+  work_.shell_rows = static_cast<std::uint32_t>(event.north1 - event.north0 + 1);
+  work_.shell_candidates =
+      work_.shell_rows * static_cast<std::uint32_t>(event.east1 - event.east0 + 1);
   for (std::int32_t n = event.north0; n <= event.north1; ++n) {
     const RowTotals row =
         two_axis ? add_shell_row<true>(event, shell, n) : add_shell_row<false>(event, shell, n);
     voxels_this_ping_ += row.voxels;
     counters_.columns_updated += row.columns;
+    work_.shell_columns += row.columns;
     rescale_candidate =
         row.rescale_candidate == kNoColumn ? rescale_candidate : row.rescale_candidate;
   }
+  work_.shell_voxels = voxels_this_ping_;
   // Pulled voxels cannot saturate: nothing to rescale.
   if (rescale_candidate != kNoColumn && !is_pulling(config_.rule)) {
     check_saturation(rescale_candidate);
@@ -688,65 +694,136 @@ inline void Model::add_empty(Voxel* voxels, std::int32_t count, std::uint32_t fi
   add_uniform(voxels, count, first, empty_evidence(config_.rule, strength_q7, distance), dither);
 }
 
+// What the rows of one cone have in common.
+struct Model::CarveContext {
+  const BeamFrame& frame;
+  const ShellEvent* plane;  // whose kernel must not be reached; null: none
+  Frustum frustum;
+  Emptiness empty;
+  std::int64_t limit0_q16;  // last depth before the plane over column (0, 0)
+  std::uint32_t seed;
+};
+
+struct Model::CarvedColumn {
+  Voxel* voxels;
+  ColumnOffset offset;
+  CellRange cells;
+  std::uint32_t dither;
+};
+
+// False: the work bound is met.
+inline bool Model::carve_column(const CarveContext& context, const CarvedColumn& column) {
+  const Frustum& frustum = context.frustum;
+  std::uint32_t runs = 0;
+  for (std::int32_t k = column.cells.first; k <= column.cells.last; k += kRun) {
+    const std::int32_t count = min_of(kRun, column.cells.last - k + 1);
+    if (voxels_this_ping_ + static_cast<std::uint32_t>(count) > bound_.total_voxels) {
+      work_.cone_runs += runs;
+      return false;
+    }
+    ++runs;
+    // Off-axis position and distance of the run's middle.
+    const std::int32_t z = k * 1024 + count * 512 - frustum.origin_q10[2];
+    const std::int32_t slant = frustum_slant(frustum, column.offset, z);
+    const std::int32_t beam_q15 =
+        frustum_weight_q15(frustum, sensor_->table, context.frame, column.offset, z, slant);
+    if (beam_q15 < 0) {
+      continue;
+    }
+    const std::uint32_t distance = range_entry(sensor_->scale, slant);
+    const std::uint32_t strength_q7 =
+        (empty_strength_q7(context.empty, slant) * static_cast<std::uint32_t>(beam_q15)) >> 15U;
+    add_empty(column.voxels + k, count, static_cast<std::uint32_t>(k), strength_q7, distance,
+              column.dither);
+    voxels_this_ping_ += static_cast<std::uint32_t>(count);
+  }
+  work_.cone_runs += runs;
+  return true;
+}
+
+// The same.
+bool Model::carve_row(const CarveContext& context, std::int32_t n) {
+  const Frustum& frustum = context.frustum;
+  const std::int32_t dn = n * 1024 + 512 - frustum.origin_q10[0];
+  const CellRange row = frustum_row(frustum, dn, sensor_->scale.size[1]);
+  if (row.first > row.last) {
+    return true;
+  }
+  work_.cone_candidates += static_cast<std::uint32_t>(row.last - row.first + 1);
+  const std::int32_t depth_cells = sensor_->scale.size[2];
+  std::int64_t limit_q16 = context.limit0_q16;
+  std::int32_t limit_de_q16 = 0;
+  if (context.plane != nullptr) {
+    limit_de_q16 = context.plane->depth_de_q16;
+    limit_q16 +=
+        mul_shift(n, context.plane->depth_dn_q16, 0) + mul_shift(row.first, limit_de_q16, 0);
+  }
+  std::uint32_t dither =
+      context.seed + static_cast<std::uint32_t>(n * kMaxSideCells + row.first) * kColumnDither;
+  // The place in the grid is looked up once per tile.
+  std::int32_t e = row.first;
+  while (e <= row.last) {
+    const std::int32_t end = min_of(e | (kTileCells - 1), row.last);
+    const TileId tile = grid_.tile_of(n, e);
+    Voxel* voxels = grid_.column_voxels(grid_.column_index(n, e));
+    std::uint32_t written = 0;
+    bool within = true;
+    for (; e <= end && within; ++e) {
+      const std::int32_t de = e * 1024 + 512 - frustum.origin_q10[1];
+      const ColumnOffset offset = column_offset(frustum, dn, de);
+      CellRange cells = frustum_column(frustum, context.frame, offset, depth_cells);
+      // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
+      const std::int64_t limit = limit_q16 >> 16;
+      if (limit < cells.last) {
+        cells.last = static_cast<std::int32_t>(max_of<std::int64_t>(limit, -1));
+      }
+      if (cells.first <= cells.last) {
+        ++written;
+        within = carve_column(context, CarvedColumn{voxels, offset, cells, dither});
+      }
+      limit_q16 += limit_de_q16;
+      dither += kColumnDither;
+      voxels += depth_cells;
+    }
+    if (written > 0) {
+      work_.cone_columns += written;
+      grid_.touch(tile, ping_number_);
+    }
+    if (!within) {
+      return false;
+    }
+  }
+  return true;
+}
+
 void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
                   std::int32_t range_q10, std::uint32_t end_q14) {
   if (range_q10 <= 0) {
     return;
   }
-  const Emptiness empty =
-      make_emptiness(end_q14, shell != nullptr ? shell->growth_q24 : 0, range_q10);
-  const Frustum frustum = make_frustum(sensor_->scale, sensor_->table, frame, sighting, range_q10);
-  const std::uint32_t seed = base::mix_u32(ping_number_ ^ 0x5BD1E995U);
   const bool plane = shell != nullptr && !shell->wall;
-  const std::int64_t clearance_q16 = plane ? kernel_reach_q16(shell->level) + 0x8000 : 0;
-  const CellRange rows = frustum_rows(frustum, sensor_->scale.size[0]);
+  const CarveContext context{
+      frame,
+      plane ? shell : nullptr,
+      make_frustum(sensor_->scale, sensor_->table, frame, sighting, range_q10),
+      make_emptiness(end_q14, shell != nullptr ? shell->growth_q24 : 0, range_q10),
+      plane ? shell->plane0_q16 - kernel_reach_q16(shell->level) - 0x8000 : INT64_MAX / 2,
+      base::mix_u32(ping_number_ ^ 0x5BD1E995U)};
+  const CellRange rows = frustum_rows(context.frustum, sensor_->scale.size[0]);
+  const std::uint32_t before = voxels_this_ping_;
+  work_.cone_rows = static_cast<std::uint32_t>(max_of(0, rows.last - rows.first + 1));
   for (std::int32_t n = rows.first; n <= rows.last; ++n) {
-    const std::int32_t dn = n * 1024 + 512 - frustum.origin_q10[0];
-    const CellRange row = frustum_row(frustum, dn, sensor_->scale.size[1]);
-    for (std::int32_t e = row.first; e <= row.last; ++e) {
-      const std::int32_t de = e * 1024 + 512 - frustum.origin_q10[1];
-      const ColumnOffset offset = column_offset(frustum, dn, de);
-      CellRange column = frustum_column(frustum, frame, offset, sensor_->scale.size[2]);
-      if (plane) {
-        // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
-        const std::int64_t plane_q16 = shell->plane0_q16 + mul_shift(n, shell->depth_dn_q16, 0) +
-                                       mul_shift(e, shell->depth_de_q16, 0);
-        column.last = static_cast<std::int32_t>(
-            clamp<std::int64_t>((plane_q16 - clearance_q16) >> 16, -1, column.last));
-      }
-      if (column.first > column.last) {
-        continue;
-      }
-      grid_.touch(grid_.tile_of(n, e), ping_number_);
-      Voxel* const voxels = grid_.column_voxels(grid_.column_index(n, e));
-      const std::uint32_t dither =
-          seed + static_cast<std::uint32_t>(n * kMaxSideCells + e) * kColumnDither;
-      for (std::int32_t k = column.first; k <= column.last; k += kRun) {
-        const std::int32_t count = min_of(kRun, column.last - k + 1);
-        if (voxels_this_ping_ + static_cast<std::uint32_t>(count) > bound_.total_voxels) {
-          ++counters_.cones_cut;
-          return;
-        }
-        // Off-axis position and distance of the run's middle.
-        const std::int32_t z = k * 1024 + count * 512 - frustum.origin_q10[2];
-        const std::int32_t slant = frustum_slant(frustum, offset, z);
-        const std::int32_t beam_q15 =
-            frustum_weight_q15(frustum, sensor_->table, frame, offset, z, slant);
-        if (beam_q15 < 0) {
-          continue;
-        }
-        const std::uint32_t distance = range_entry(sensor_->scale, slant);
-        const std::uint32_t strength_q7 =
-            (empty_strength_q7(empty, slant) * static_cast<std::uint32_t>(beam_q15)) >> 15U;
-        add_empty(voxels + k, count, static_cast<std::uint32_t>(k), strength_q7, distance, dither);
-        voxels_this_ping_ += static_cast<std::uint32_t>(count);
-      }
+    if (!carve_row(context, n)) {
+      ++counters_.cones_cut;
+      break;
     }
   }
+  work_.cone_voxels = voxels_this_ping_ - before;
 }
 
 PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor) {
   voxels_this_ping_ = 0;
+  work_ = PingWork{};
   if (!configured_ || sensor >= sensor_count_) {
     ++counters_.pings[static_cast<int>(PingResult::kNotConfigured)];
     return PingResult::kNotConfigured;

@@ -109,6 +109,8 @@ class Model {
   /// returned kOverBudget.
   [[nodiscard]] const WorkBound& bound() const { return bound_; }
   [[nodiscard]] const ModelCounters& counters() const { return counters_; }
+  /// What the last integrate() did.
+  [[nodiscard]] const PingWork& last_work() const { return work_; }
   /// Scale of a sensor; what depends on the grid alone is the same for all.
   [[nodiscard]] const Scale& scale(std::size_t sensor = 0) const { return sensors_[sensor].scale; }
   [[nodiscard]] const Grid& grid() const { return grid_; }
@@ -176,6 +178,10 @@ class Model {
                  std::uint32_t distance, std::uint32_t dither) const;
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
              std::int32_t range_q10, std::uint32_t end_q14);
+  struct CarveContext;
+  [[nodiscard]] bool carve_row(const CarveContext& context, std::int32_t n);
+  struct CarvedColumn;
+  [[nodiscard]] bool carve_column(const CarveContext& context, const CarvedColumn& column);
   struct TileSpan;
   [[nodiscard]] TileSpan tiles_around(TileId tile, std::int32_t reach) const;
   [[nodiscard]] bool read_column(std::uint32_t column, DepthMethod method);
@@ -197,6 +203,7 @@ class Model {
   bool configured_ = false;
   std::uint32_t ping_number_ = 0;
   std::uint32_t voxels_this_ping_ = 0;
+  PingWork work_{};
   std::int64_t correlated_q12_[3] = {};  // cells^2
   std::int64_t registration_q12_ = 0;    // cells^2, see DESIGN.md
   Grid grid_;

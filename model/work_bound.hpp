@@ -14,6 +14,20 @@ struct WorkBound {
   std::uint32_t total_voxels;  ///< W: their sum, at most the grid's cells
 };
 
+/// What one ping did: everything that its instructions go with.
+struct PingWork {
+  std::uint32_t columns_read;      ///< for the slope, of at most Model::kSlopeColumns
+  std::uint32_t shell_rows;        ///< of the shell's box
+  std::uint32_t shell_candidates;  ///< columns of the box
+  std::uint32_t shell_columns;     ///< written
+  std::uint32_t shell_voxels;
+  std::uint32_t cone_rows;        ///< that the cone may cross
+  std::uint32_t cone_candidates;  ///< columns of these rows that were looked at
+  std::uint32_t cone_columns;     ///< written
+  std::uint32_t cone_runs;        ///< of voxels with one weight
+  std::uint32_t cone_voxels;
+};
+
 /// Bound of `scale` (footprint half-width F, cone, grid): the largest of
 ///   a ping without return: the cone of the longest range;
 ///   a steep plane seen square on: all columns of the footprint that it crosses inside the grid, and the

@@ -35,6 +35,43 @@ template <typename T>
   return a < b ? b : a;
 }
 
+/// numerator / divisor where the quotient has 32 bits: numerator >> 32 < divisor. Two digits of 16 bits
+/// (Knuth's algorithm D, The Art of Computer Programming 4.3.1).
+[[nodiscard]] constexpr std::uint32_t quotient_by_digits_u32(std::uint64_t numerator,
+                                                             std::uint32_t divisor) {
+  const auto shift = static_cast<unsigned>(leading_zeros(divisor));
+  const std::uint32_t d = divisor << shift;
+  const std::uint64_t n = numerator << shift;
+  const std::uint32_t d1 = d >> 16U;
+  const std::uint32_t d0 = d & 0xFFFFU;
+  auto rest = static_cast<std::uint32_t>(n >> 32U);
+  std::uint32_t quotient = 0;
+  for (unsigned i = 0; i < 2; ++i) {
+    const unsigned place = 16U - 16U * i;
+    const std::uint32_t next = static_cast<std::uint32_t>(n >> place) & 0xFFFFU;
+    std::uint32_t digit = rest / d1;
+    std::uint32_t left = rest - digit * d1;
+    // Too large by two at most.
+    for (int correction = 0; correction < 2; ++correction) {
+      if (left <= 0xFFFFU && (digit > 0xFFFFU || digit * d0 > (left << 16U | next))) {
+        --digit;
+        left += d1;
+      }
+    }
+    // Modulo 2^32: what remains is less than the divisor.
+    rest = (rest << 16U | next) - digit * d;
+    quotient = quotient << 16U | digit;
+  }
+  return quotient;
+}
+/// The same by what is fastest: on 32-bit machines 64-bit division is a loop of the compiler's library.
+[[nodiscard]] constexpr std::uint32_t quotient_u32(std::uint64_t numerator, std::uint32_t divisor) {
+  if constexpr (sizeof(void*) > 4) {
+    return static_cast<std::uint32_t>(numerator / divisor);
+  }
+  return quotient_by_digits_u32(numerator, divisor);
+}
+
 /// floor(value / 2^16) of a Q16 number.
 [[nodiscard]] constexpr std::int32_t floor_q16(std::int32_t value_q16) { return value_q16 >> 16; }
 /// ceil(value / 2^16) of a Q16 number; value_q16 <= INT32_MAX - 65535.

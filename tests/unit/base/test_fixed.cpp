@@ -47,6 +47,26 @@ TEST(shifts_round_towards_minus_infinity) {
   assert_int_equal(ceil_q16(std::numeric_limits<std::int32_t>::max() - 65535), 32767);
 }
 
+TEST(quotient_u32_is_the_quotient) {
+  Random random(5);
+  for (int i = 0; i < 300'000; ++i) {
+    const auto divisor = static_cast<std::uint32_t>(std::max<std::uint64_t>(
+        1, (random.next() & 0xFFFFFFFFU) >> static_cast<unsigned>(random.between(0, 31))));
+    // Any quotient of 32 bits, with its ends and those of its digits; and any rest.
+    std::uint64_t quotient =
+        (random.next() & 0xFFFFFFFFU) >> static_cast<unsigned>(random.between(0, 31));
+    if (i % 5 == 0) {
+      quotient |= 0xFFFFU;
+    } else if (i % 5 == 1) {
+      quotient |= 0xFFFF0000U;
+    }
+    const std::uint64_t rest = i % 3 == 0 ? divisor - 1 : random.next() % divisor;
+    const std::uint64_t numerator = quotient * divisor + rest;
+    assert_true(quotient_u32(numerator, divisor) == quotient);
+    assert_true(quotient_by_digits_u32(numerator, divisor) == quotient);
+  }
+}
+
 TEST(sqrt_u32_is_within_its_stated_error) {
   assert_int_equal(sqrt_u32(0), 0);
   // "exact for squares below 2^16".
