@@ -25,11 +25,11 @@ packages=(
 )
 # libclang-rt: the sanitizer and fuzzer libraries, which clang only recommends. llvm: readable reports.
 # user-mode-linux, kmod, iproute2: a kernel with CAN as a plain process (tests/cli/test_kernel_buses_ci.sh).
-# frama-c-base, why3, z3: toolchain/prove.sh.
+# frama-c-base, why3, z3: toolchain/prove.sh. strace: tests/cli/test_timing_ci.py.
 check_packages=(
   clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr
   user-mode-linux kmod iproute2
-  frama-c-base why3 z3
+  frama-c-base why3 z3 strace
 )
 full_packages=(pcl-tools)
 # The target's libraries are unpacked beside the build (toolchain/sysroot.sh), not installed.

@@ -15,7 +15,9 @@
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/linux/check_config.hpp"
 #include "firmware/linux/monotonic.hpp"
+#include "firmware/linux/real_time.hpp"
 #include "firmware/linux/recorder.hpp"
+#include "firmware/linux/timing.hpp"
 #include "firmware/linux/vehicle_loop.hpp"
 
 namespace {
@@ -23,6 +25,7 @@ namespace {
 using leadline::host::ExitCode;
 using leadline::host::HostError;
 using leadline::host::LoopSummary;
+using leadline::host::RealTimeReport;
 using leadline::host::Recorder;
 using leadline::host::VehicleFile;
 
@@ -43,6 +46,8 @@ struct Options {
   std::string link;
   std::vector<std::string> ports;
   double drain_s = 5;
+  int priority = 20;
+  bool timing = false;
   bool check_config = false;
   bool help_config = false;
   bool json = false;
@@ -68,6 +73,12 @@ void add_options(CLI::App* app, Options* options) {
                   "after SIGINT or SIGTERM: seconds that queued changes may take to leave")
       ->check(CLI::Range(0.0, 86400.0))
       ->capture_default_str();
+  app->add_option("--priority", options->priority,
+                  "SCHED_FIFO priority of the vehicle's thread, where permitted; 0: none")
+      ->check(CLI::Range(0, 99))
+      ->capture_default_str();
+  app->add_flag("--timing", options->timing,
+                "after the summary: how long cycles took and how late they began");
   app->footer(
       "Flies until SIGINT or SIGTERM, then sends what is queued, ends the log, and prints a "
       "summary; a\n"
@@ -138,7 +149,8 @@ std::string hex(std::uint64_t value) {
 }
 
 /// Everything that a script wants to know of a run, as `name: value` lines or one JSON object.
-void print_summary(const LoopSummary& summary, const Recorder* recorder, bool json) {
+void print_summary(const LoopSummary& summary, const RealTimeReport& real_time,
+                   const leadline::host::LoopTiming* timing, const Recorder* recorder, bool json) {
   const leadline::firmware::VehicleCounters& counters = the_vehicle.counters();
   const leadline::host::RecorderReport recorded =
       recorder != nullptr ? recorder->report() : leadline::host::RecorderReport{};
@@ -146,10 +158,12 @@ void print_summary(const LoopSummary& summary, const Recorder* recorder, bool js
   const auto text = [&](const std::string& value) {
     return json ? leadline::host::json_string(value) : value;
   };
-  const std::vector<std::pair<const char*, std::string>> rows = {
+  std::vector<std::pair<const char*, std::string>> rows = {
       {"cycles", number(summary.cycles)},
       {"cycle_max_us", number(static_cast<std::uint64_t>(summary.cycle_max_us))},
       {"overruns", number(summary.overruns)},
+      {"memory_locked", real_time.memory_locked ? "true" : "false"},
+      {"scheduling", text(real_time.scheduling())},
       {"pings_in", number(counters.pings_in)},
       {"pings_mapped", number(counters.pings_mapped)},
       {"nav_samples", number(counters.nav_samples)},
@@ -163,6 +177,9 @@ void print_summary(const LoopSummary& summary, const Recorder* recorder, bool js
       {"log_bytes", number(recorded.bytes_written)},
       {"records_lost", number(recorded.records_lost)},
   };
+  if (timing != nullptr && json) {
+    rows.emplace_back("timing", leadline::host::timing_json(*timing));
+  }
   std::string out = json ? "{" : "";
   for (const auto& [name, value] : rows) {
     if (json) {
@@ -172,6 +189,9 @@ void print_summary(const LoopSummary& summary, const Recorder* recorder, bool js
     }
   }
   std::cout << out << (json ? "}\n" : "");
+  if (timing != nullptr && !json) {
+    std::cout << leadline::host::timing_text(*timing);
+  }
 }
 
 int fly(VehicleFile& file, const Options& options) {
@@ -189,9 +209,16 @@ int fly(VehicleFile& file, const Options& options) {
     recorder = std::make_unique<Recorder>(file.log.path, file.log.max_bytes);
   }
   leadline::host::VehicleLoop loop(file, tables, the_vehicle, recorder.get(), loop_options);
+  RealTimeReport real_time;
+  if (loop_options.lockstep_path.empty()) {
+    // After the recorder and the ports have made their threads: those keep ordinary priority.
+    real_time = leadline::host::ask_for_real_time(options.priority);
+    std::cerr << kProgram << ": " << real_time.text() << "\n";
+  }
   const LoopSummary summary = loop.run(stop_orders);
   const bool recorded = recorder == nullptr || recorder->finish();
-  print_summary(summary, recorder.get(), options.json);
+  print_summary(summary, real_time, options.timing ? &loop.timing() : nullptr, recorder.get(),
+                options.json);
   return static_cast<int>(recorded ? ExitCode::kOk : ExitCode::kOutput);
 }
 

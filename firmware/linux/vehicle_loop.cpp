@@ -240,8 +240,10 @@ void VehicleLoop::run_cycle(base::TimeUs t_us) {
   const firmware::CycleInput input = {t_us, chunks_.chunks(), chunks_.chunk_count(),
                                       downlink_room()};
   firmware::CycleOutput output{};
+  // From here until the frames are handed to the link nothing asks the kernel (tests/cli/test_timing_ci.py).
   vehicle_.cycle(input, output);
   send(output);
+  timing_.cycle.add(monotonic_us() - start_us);
   record(input, output);
   chunks_.clear();
   summary_.cycles += 1;
@@ -322,6 +324,7 @@ void VehicleLoop::fly_real(const volatile std::sig_atomic_t& stop) {
     service(monotonic_us());
     gather(next_us, false, stop);
     const base::TimeUs now_us = monotonic_us();
+    timing_.slip.add(now_us - next_us);
     run_cycle(now_us);
     const std::int64_t late_us = monotonic_us() - next_us;
     if (late_us >= file_.cycle_us) {

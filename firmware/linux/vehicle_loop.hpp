@@ -14,6 +14,7 @@
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/linux/chunk_buffer.hpp"
 #include "firmware/linux/recorder.hpp"
+#include "firmware/linux/timing.hpp"
 #include "firmware/pipeline/host_report.hpp"
 #include "firmware/pipeline/vehicle.hpp"
 #include "hal/linux/linux_port.hpp"
@@ -54,6 +55,8 @@ class VehicleLoop {
   /// end. Throws HostError kInput when the emulator is gone or breaks the protocol; the log is ended
   /// in order before that.
   LoopSummary run(const volatile std::sig_atomic_t& stop);
+  /// Of the real clock; of cycles under a virtual one only what they took.
+  [[nodiscard]] const LoopTiming& timing() const { return timing_; }
 
  private:
   struct Line {
@@ -97,6 +100,7 @@ class VehicleLoop {
   ChunkBuffer chunks_;
   std::vector<std::uint8_t> batch_;
   LoopSummary summary_;
+  LoopTiming timing_;
   bool link_spoke_ = false;  ///< bytes came up the link in this cycle
   std::int64_t cycle_last_us_ = 0;
   base::TimeUs report_due_us_ = 0;
