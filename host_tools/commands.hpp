@@ -41,5 +41,6 @@ void add_survey_command(CLI::App* app, CommandRun* run);
 void add_crosslines_command(CLI::App* app, CommandRun* run);
 void add_calibrate_command(CLI::App* app, CommandRun* run);
 void add_store_command(CLI::App* app, CommandRun* run);
+void add_config_command(CLI::App* app, CommandRun* run);
 
 }  // namespace leadline::host

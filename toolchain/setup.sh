@@ -18,7 +18,7 @@ packages=(
   g++ cmake ninja-build pkg-config python3
   libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev libsqlite3-dev
   fonts-dejavu-core
-  libmodbus-dev libgpiod-dev
+  libmodbus-dev libgpiod-dev libsystemd-dev
   libcmocka-dev
   libeigen3-dev
   libbenchmark-dev liboctomap-dev libzstd-dev

@@ -14,7 +14,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 packages=(
   libc6-dev libstdc++-12-dev
-  libgpiod-dev libmodbus-dev libtomlplusplus-dev libcmocka-dev libeigen3-dev libcli11-dev
+  libgpiod-dev libmodbus-dev libsystemd-dev libtomlplusplus-dev libcmocka-dev libeigen3-dev libcli11-dev
 )
 topside_packages=(libgdal-dev libcairo2-dev nlohmann-json3-dev)
 

@@ -250,6 +250,7 @@ void VehicleLoop::run_cycle(base::TimeUs t_us) {
   summary_.t_us = t_us;
   cycle_last_us_ = monotonic_us() - start_us;
   summary_.cycle_max_us = std::max(summary_.cycle_max_us, cycle_last_us_);
+  manager_.cycle_done(start_us + cycle_last_us_);
 }
 
 void VehicleLoop::send(const firmware::CycleOutput& output) {
@@ -400,6 +401,7 @@ LoopSummary VehicleLoop::run(const volatile std::sig_atomic_t& stop) {
   }
   try {
     lockstep() ? fly_lockstep(stop) : fly_real(stop);
+    manager_.stopping();
     drain(stop);
   } catch (const HostError&) {
     end_log();

@@ -14,6 +14,7 @@
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/linux/chunk_buffer.hpp"
 #include "firmware/linux/recorder.hpp"
+#include "firmware/linux/service_manager.hpp"
 #include "firmware/linux/timing.hpp"
 #include "firmware/pipeline/host_report.hpp"
 #include "firmware/pipeline/vehicle.hpp"
@@ -101,6 +102,7 @@ class VehicleLoop {
   std::vector<std::uint8_t> batch_;
   LoopSummary summary_;
   LoopTiming timing_;
+  ServiceManager manager_;
   bool link_spoke_ = false;  ///< bytes came up the link in this cycle
   std::int64_t cycle_last_us_ = 0;
   base::TimeUs report_due_us_ = 0;

@@ -33,8 +33,9 @@ constexpr can_err_mask_t kErrors =
 
 /// Appends an attribute of rtnetlink to `message`; returns it.
 rtattr* append(nlmsghdr* message, unsigned short type, const void* data, std::size_t size) {
-  auto* attribute =
-      reinterpret_cast<rtattr*>(reinterpret_cast<char*>(message) + NLMSG_ALIGN(message->nlmsg_len));
+  // By way of void: the place is aligned, though bytes on ARM are not by their type.
+  void* const place = reinterpret_cast<char*>(message) + NLMSG_ALIGN(message->nlmsg_len);
+  auto* attribute = static_cast<rtattr*>(place);
   attribute->rta_type = type;
   attribute->rta_len = static_cast<unsigned short>(RTA_LENGTH(size));
   if (size > 0) {
@@ -130,11 +131,13 @@ void CanPort::ask_for_restart() {
     return;
   }
   alignas(nlmsghdr) std::array<char, 256> buffer{};
-  auto* message = reinterpret_cast<nlmsghdr*>(buffer.data());
+  void* const bytes = buffer.data();
+  auto* message = static_cast<nlmsghdr*>(bytes);
   message->nlmsg_len = NLMSG_LENGTH(sizeof(ifinfomsg));
   message->nlmsg_type = RTM_NEWLINK;
   message->nlmsg_flags = NLM_F_REQUEST;
-  auto* info = reinterpret_cast<ifinfomsg*>(buffer.data() + NLMSG_HDRLEN);
+  void* const body = buffer.data() + NLMSG_HDRLEN;
+  auto* info = static_cast<ifinfomsg*>(body);
   info->ifi_family = AF_UNSPEC;
   info->ifi_index = interface_index_;
   const std::uint32_t restart = 1;

@@ -254,12 +254,13 @@ PortResult make_modbus_port(const UriSpec& spec) {
       return {nullptr, error};
     }
     std::array<char, INET6_ADDRSTRLEN> text{};
+    const void* const any = &address.storage;
     if (address.storage.ss_family == AF_INET) {
-      const auto* v4 = reinterpret_cast<const sockaddr_in*>(address.get());
+      const auto* v4 = static_cast<const sockaddr_in*>(any);
       (void)::inet_ntop(AF_INET, &v4->sin_addr, text.data(), text.size());
       context = modbus_new_tcp(text.data(), spec.port);
     } else {
-      const auto* v6 = reinterpret_cast<const sockaddr_in6*>(address.get());
+      const auto* v6 = static_cast<const sockaddr_in6*>(any);
       (void)::inet_ntop(AF_INET6, &v6->sin6_addr, text.data(), text.size());
       context = modbus_new_tcp_pi(text.data(), std::to_string(spec.port).c_str());
     }

@@ -3,5 +3,6 @@
 # statically.
 set(leadline_triplet arm-linux-gnueabihf)
 set(CMAKE_SYSTEM_PROCESSOR armv7l)
+set(leadline_debian_architecture armhf)
 set(leadline_emulator qemu-arm-static)
 include(${CMAKE_CURRENT_LIST_DIR}/debian_cross.cmake)

@@ -33,6 +33,11 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   target_compile_options(leadline_flags INTERFACE -Wduplicated-cond -Wlogical-op)
 endif()
 
+if(CMAKE_SYSTEM_NAME STREQUAL "Linux" AND CMAKE_SIZEOF_VOID_P EQUAL 4)
+  # Logs are longer than 2 GiB. (Not so for time: libgpiod's structures have the short one.)
+  target_compile_definitions(leadline_flags INTERFACE _FILE_OFFSET_BITS=64)
+endif()
+
 if(CMAKE_BUILD_TYPE STREQUAL "Debug")
   target_compile_definitions(leadline_flags INTERFACE _GLIBCXX_ASSERTIONS)
 endif()
