@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
 # Installs what is missing from Debian 12 to build, run and test Leadline.
 #
-# usage: toolchain/setup.sh [--checks] [--full] [--m7] [--dry-run]
+# usage: toolchain/setup.sh [--checks] [--full] [--clang] [--cross] [--m7] [--packages] [--dry-run]
 #   --checks    also what the ci and full tiers need: clang 14 tools and gcovr
 #   --full      also what only the full tier needs: PCL, which reads our point clouds (300 MB)
+#   --clang     also clang 14, the compiler alone
+#   --cross     also compilers for ARM Linux (aarch64, armhf), and QEMU to run what they make
 #   --m7        also what toolchain/m7.sh needs: the compiler for bare metal, 2.4 GB, and QEMU
+#   --packages  also what toolchain/package.sh --try needs
 #   --dry-run   only tell what is missing; exit code 1 when something is
 #
 # Does nothing, and needs no rights, when nothing is missing; otherwise it needs root or sudo. Never
@@ -32,10 +35,10 @@ check_packages=(
   frama-c-base why3 z3 strace
 )
 full_packages=(pcl-tools)
-# The target's libraries are unpacked beside the build (toolchain/sysroot.sh), not installed.
 m7_packages=(
   gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib libnewlib-arm-none-eabi qemu-system-arm
 )
+# The targets' libraries are unpacked beside the build (toolchain/sysroot.sh), not installed.
 cross_packages=(g++-aarch64-linux-gnu g++-arm-linux-gnueabihf qemu-user-static debian-archive-keyring)
 
 dry_run=0
@@ -44,6 +47,7 @@ while [ $# -gt 0 ]; do
     --checks) packages+=("${check_packages[@]}") ;;
     --full) packages+=("${full_packages[@]}") ;;
     --clang) packages+=(clang-14) ;;
+    --packages) packages+=(dpkg-dev debootstrap) ;;
     --cross) packages+=("${cross_packages[@]}") ;;
     --m7) packages+=("${m7_packages[@]}") ;;
     --dry-run) dry_run=1 ;;

@@ -7,6 +7,8 @@
 #                          for the worst ping; the tests labelled full take what they take
 #   --work-bound-pings N   pings per configuration of that search (default: what a quarter of the time
 #                          allows, 7,500 per minute; a billion in all is 32,000,000)
+#   --targets N            only this: N random flights (10000) replayed on every target (toolchain/replay-on.sh):
+#                          the same hashes
 #   --sensors              only this, for N minutes (default 10): all emulated devices at ten times their
 #                          rate, lines that break at random. In = fused + shed + rejected, to the byte and
 #                          the record; no growth in memory or descriptors
@@ -25,6 +27,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 minutes=
 bound_pings=
 sensors_only=false
+target_logs=0
 while [ $# -gt 0 ]; do
   case $1 in
     --minutes)
@@ -38,6 +41,11 @@ while [ $# -gt 0 ]; do
       shift
       ;;
     --sensors) sensors_only=true ;;
+    --targets)
+      [ $# -ge 2 ] || usage_error "--targets wants a number of logs"
+      target_logs=$2
+      shift
+      ;;
     -h | --help)
       print_help
       exit 0
@@ -46,6 +54,21 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
+
+if [ "$target_logs" -gt 0 ]; then
+  "$root/toolchain/setup.sh" --clang --cross --m7
+  configure_and_build release property.random_logs
+  # In batches: their logs are 100 MB at a time.
+  for ((first = 0; first < target_logs; first += 500)); do
+    left=$((target_logs - first))
+    LEADLINE_ROOT=$root LEADLINE_BUILD=$root/build/release LEADLINE_SAME_BITS_SEED=$((20270000 + first)) \
+      LEADLINE_SAME_BITS_COUNT=$((left < 500 ? left : 500)) python3 "$root/tests/cli/test_same_bits_ci.py" |
+      grep -v '^  \|^\['
+  done
+  echo "soak: $target_logs random logs, the same on every target"
+  exit 0
+fi
+
 if [ -z "$minutes" ]; then
   minutes=60
   ! $sensors_only || minutes=10

@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Unpacks what programs of another architecture are linked with, from Debian 12: headers, libraries, C library.
 #
-# usage: toolchain/sysroot.sh ARCH [--topside]
-#   ARCH        arm64 or armhf
-#   --topside   also what host_tools need (GDAL, cairo): 1 GB
+# usage: toolchain/sysroot.sh ARCH [--package DEB --into DIR]
+#   ARCH         arm64 or armhf
+#   --package    this package of ours and what it depends on, instead: for a trial (toolchain/package.sh)
+#   --into DIR   unpack there
 #
 # Leaves them in build/sysroot-ARCH, where the presets aarch64 and armhf look. apt-get works on a state of its own there:
 # no architecture is added to this machine, none of its packages changes, no rights are needed. Does nothing when
@@ -16,13 +17,18 @@ packages=(
   libc6-dev libstdc++-12-dev
   libgpiod-dev libmodbus-dev libsystemd-dev libtomlplusplus-dev libcmocka-dev libeigen3-dev libcli11-dev
 )
-topside_packages=(libgdal-dev libcairo2-dev nlohmann-json3-dev)
 
 arch=
+ours=
+into=
 while [ $# -gt 0 ]; do
   case $1 in
     arm64 | armhf) arch=$1 ;;
-    --topside) packages+=("${topside_packages[@]}") ;;
+    --package | --into)
+      [ $# -ge 2 ] || usage_error "$1 wants a name"
+      if [ "$1" = --into ]; then into=$2; else ours=$2; fi
+      shift
+      ;;
     -h | --help)
       print_help
       exit 0
@@ -34,7 +40,11 @@ done
 [ -n "$arch" ] || usage_error "the architecture is missing: arm64 or armhf"
 command -v apt-get >/dev/null || die "this is no Debian: no apt-get"
 
-sysroot=$root/build/sysroot-$arch
+if [ -n "$ours" ]; then
+  # Names without versions: "libc6 (>= 2.36), libgcc-s1" becomes two.
+  mapfile -t packages < <(dpkg-deb -f "$ours" Depends | tr ',' '\n' | sed 's/([^)]*)//; s/ //g')
+fi
+sysroot=${into:-$root/build/sysroot-$arch}
 mkdir -p "$root/build"
 exec 9>"$root/build/.sysroot-$arch.lock"
 flock 9
@@ -86,6 +96,7 @@ mkdir -p "$sysroot.new"
 for package in "$work"/cache/archives/*.deb; do
   dpkg-deb -x "$package" "$sysroot.new"
 done
+[ -z "$ours" ] || dpkg-deb -x "$ours" "$sysroot.new"
 # Absolute links would leave the folder.
 find "$sysroot.new" -xdev -type l -lname '/*' | while read -r link; do
   ln -sfr "$sysroot.new$(readlink "$link")" "$link"

@@ -296,7 +296,7 @@ class Flight {
   void fly() {
     const auto cycle_us = random_.between(5'000, 60'000);
     // A camera says more in one second than the others together in ten.
-    const TimeUs end_us = random_.between(3'000'000, 9'000'000) / (has(Driver::kWl3d) ? 6 : 1);
+    const TimeUs end_us = random_.between(2'000'000, 6'000'000) / (has(Driver::kWl3d) ? 4 : 1);
     while (now_us_ < end_us) {
       now_us_ += chance(random_, 99) ? cycle_us : random_.between(0, 400'000);
       cycle();
