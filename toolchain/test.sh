@@ -89,7 +89,7 @@ if [ -n "$target" ]; then
 fi
 
 setup_options=()
-[ "$tier" = fast ] || setup_options=(--checks)
+[ "$tier" = fast ] || setup_options=(--checks --cross --m7)
 [ "$tier" != full ] || setup_options+=(--full)
 step "set-up" "$root/toolchain/setup.sh" "${setup_options[@]}" || finish
 
