@@ -119,12 +119,13 @@ void add_emulate_command(CLI::App* app, CommandRun* run) {
   command->add_option("--log", options->log_path, "--write-config: the vehicle's log")
       ->type_name("FILE")
       ->capture_default_str();
-  command->add_option("--speed", options->speed, "Times real time")
-      ->type_name("X")
-      ->capture_default_str();
+  command
+      ->add_option("--speed", options->speed,
+                   "Times real time; default 1, with --lockstep as fast as both can")
+      ->type_name("X");
   command
       ->add_option("--lockstep", options->lockstep_path,
-                   "Virtual time for `leadline-vehicle --clock lockstep:PATH`, as fast as both can")
+                   "Virtual time for `leadline-vehicle --clock lockstep:PATH`")
       ->type_name("PATH");
   command->add_option("--wait", options->wait_s, "Lockstep: how long to wait for the vehicle")
       ->type_name("S")
@@ -151,7 +152,7 @@ void add_emulate_command(CLI::App* app, CommandRun* run) {
       if (device->port_uri.empty()) {
         throw HostError(ExitCode::kUsage, "emulate: --port is required with a DEVICE");
       }
-      device->speed = options->speed;
+      device->speed = options->speed.value_or(1.0);
       device->seed = options->mission.seed;
       return run_emulate_device(*device);
     };

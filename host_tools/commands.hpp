@@ -32,6 +32,7 @@ void add_simulate_command(CLI::App* app, CommandRun* run);
 void add_scene_command(CLI::App* app, CommandRun* run);
 void add_emulate_command(CLI::App* app, CommandRun* run);
 void add_receive_command(CLI::App* app, CommandRun* run);
+void add_monitor_command(CLI::App* app, CommandRun* run);
 void add_replay_command(CLI::App* app, CommandRun* run);
 void add_export_command(CLI::App* app, CommandRun* run);
 void add_decode_command(CLI::App* app, CommandRun* run);

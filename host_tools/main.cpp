@@ -69,6 +69,7 @@ int main(int argc, char** argv) {
   leadline::host::add_scene_command(&app, &run);
   leadline::host::add_emulate_command(&app, &run);
   leadline::host::add_receive_command(&app, &run);
+  leadline::host::add_monitor_command(&app, &run);
   leadline::host::add_replay_command(&app, &run);
   leadline::host::add_export_command(&app, &run);
   leadline::host::add_decode_command(&app, &run);

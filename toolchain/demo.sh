@@ -2,7 +2,10 @@
 # Shows the whole chain: sonar heads and sensors on serial lines, the vehicle's program, its link over UDP,
 # the topside that draws what arrives, and the recorded flight replayed to the same bits.
 #
-# usage: toolchain/demo.sh [--terrain FILE] [--out DIR]
+# usage: toolchain/demo.sh [--live [--speed X]] [--terrain FILE] [--out DIR]
+#   --live           watch it in a browser: the page is served while the survey is flown, 10 times as fast as real,
+#                    and then plays its recording until Ctrl-C
+#   --speed X        X times as fast as real instead (with --live)
 #   --terrain FILE   survey this raster (anything that GDAL reads) instead of the built-in seafloor
 #   --out DIR        where the results go (default out/demo)
 #
@@ -26,6 +29,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 out="$root/out/demo"
 # One echo in a hundred is of something short of the ground: fish, or a second path.
 mission=(--set outlier_fraction=0.01)
+live=0
+speed=
 while [ $# -gt 0 ]; do
   case $1 in
     --terrain)
@@ -39,6 +44,12 @@ while [ $# -gt 0 ]; do
       out=$(realpath -m "$2")
       shift
       ;;
+    --live) live=1 ;;
+    --speed)
+      [ $# -ge 2 ] || usage_error "--speed wants a number"
+      speed=$2
+      shift
+      ;;
     -h | --help)
       print_help
       exit 0
@@ -47,6 +58,9 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
+[ -z "$speed" ] || [ "$live" -eq 1 ] || usage_error "--speed goes with --live"
+pace=()
+[ "$live" -eq 0 ] || pace=(--speed "${speed:-10}")
 
 "$root/toolchain/setup.sh"
 say "building"
@@ -68,17 +82,29 @@ finish() {
 }
 trap finish EXIT
 
-say "flying: emulated heads on ptys -> leadline-vehicle -> UDP -> leadline receive"
-"$root/build/release/host_tools/leadline" receive --link udp:@127.0.0.1:0 --out "$out/topside" \
+topside=(receive)
+if [ "$live" -eq 1 ]; then
+  # Of the viewer's seconds: the link carries its 200 bytes per second of the flight.
+  topside=(monitor --http 127.0.0.1:0 --budget "$(awk -v x="${pace[1]}" 'BEGIN { print 200 * x }')")
+fi
+say "flying: emulated heads on ptys -> leadline-vehicle -> UDP -> leadline ${topside[0]}"
+"$root/build/release/host_tools/leadline" "${topside[@]}" --link udp:@127.0.0.1:0 --out "$out/topside" \
   >"$out/receive.log" 2>&1 &
 receiver=$!
 port=
 for _ in $(seq 100); do
-  port=$(sed -n 's/^receive: listening at port //p' "$out/receive.log")
+  port=$(sed -n "s/^${topside[0]}: listening at port //p" "$out/receive.log")
   [ -z "$port" ] || break
   sleep 0.05
 done
 [ -n "$port" ] || die "the receiver did not start: $(cat "$out/receive.log")"
+if [ "$live" -eq 1 ]; then
+  url=$(sed -n 's/^monitor: the page is at //p' "$out/receive.log")
+  say "the page: $url"
+  if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ] && command -v xdg-open >/dev/null; then
+    xdg-open "$url" >/dev/null 2>&1 || true
+  fi
+fi
 
 leadline emulate "${mission[@]}" --write-config "$out" --ports "$scratch/ports" \
   --link "udp:127.0.0.1:$port"
@@ -90,7 +116,7 @@ TIMEFORMAT='%U %S'
 } 2>"$scratch/cpu" &
 vehicle=$!
 leadline emulate "${mission[@]}" --out "$out" --ports "$scratch/ports" \
-  --lockstep "$scratch/clock"
+  --lockstep "$scratch/clock" "${pace[@]}"
 wait "$vehicle" || die "the vehicle failed: $(cat "$out/vehicle.log")"
 vehicle=
 kill -INT "$receiver"
@@ -153,3 +179,7 @@ for result in depth.png depth.tif difference.png table.txt summary.json survey.l
 done
 say "done in $((SECONDS - start)) s; look at"
 ls "$out"/*.png "$out"/*.tif "$out/table.txt" "$out/summary.json"
+if [ "$live" -eq 1 ] && [ -t 0 ]; then
+  say "the page plays the recording now: $url (Ctrl-C ends)"
+  leadline monitor --link "file:$out/survey.lll" --http "$(sed "s|^http://||; s|/$||" <<<"$url")" || true
+fi

@@ -20,6 +20,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 packages=(
   g++ cmake ninja-build pkg-config python3
   libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev libsqlite3-dev
+  libboost-dev libjs-three
   fonts-dejavu-core
   libmodbus-dev libgpiod-dev libsystemd-dev
   libcmocka-dev
@@ -28,12 +29,17 @@ packages=(
 )
 # libclang-rt: the sanitizer and fuzzer libraries, which clang only recommends. llvm: readable reports.
 # user-mode-linux, kmod, iproute2: a kernel with CAN as a plain process (tests/cli/test_kernel_buses_ci.sh).
-# frama-c-base, why3, z3: toolchain/prove.sh. strace: tests/cli/test_timing_ci.py.
+# frama-c-base, why3, z3: toolchain/prove.sh. strace: tests/cli/test_timing_ci.py. chromium: the monitor's page in a
+# browser (tests/browser), as are node and, from the npm registry, playwright-core.
 check_packages=(
   clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr
   user-mode-linux kmod iproute2
   frama-c-base why3 z3 strace
+  chromium
 )
+# Where they are not there in another packaging.
+command -v node >/dev/null || check_packages+=(nodejs)
+command -v npm >/dev/null || check_packages+=(npm)
 full_packages=(pcl-tools)
 m7_packages=(
   gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib libnewlib-arm-none-eabi qemu-system-arm
@@ -42,9 +48,26 @@ m7_packages=(
 cross_packages=(g++-aarch64-linux-gnu g++-arm-linux-gnueabihf qemu-user-static debian-archive-keyring)
 
 dry_run=0
+browser=0
+# A browser's driver for tests/cli/test_monitor_page_ci.sh, which is skipped without.
+install_browser_driver() {
+  local folder="$root/build/browser"
+  if [ "$browser" -eq 0 ] || cmp -s "$root/tests/browser/package-lock.json" "$folder/package-lock.json"; then
+    return 0
+  fi
+  mkdir -p "$folder"
+  cp "$root/tests/browser/package.json" "$folder"
+  (cd "$folder" && cp "$root/tests/browser/package-lock.json" npm-shrinkwrap.json &&
+    npm ci --ignore-scripts --no-audit --no-fund >npm.log 2>&1 &&
+    mv npm-shrinkwrap.json package-lock.json) ||
+    warn "playwright-core could not be installed (build/browser/npm.log): the page's browser test will be skipped"
+}
 while [ $# -gt 0 ]; do
   case $1 in
-    --checks) packages+=("${check_packages[@]}") ;;
+    --checks)
+      packages+=("${check_packages[@]}")
+      browser=1
+      ;;
     --full) packages+=("${full_packages[@]}") ;;
     --clang) packages+=(clang-14) ;;
     --packages) packages+=(dpkg-dev debootstrap) ;;
@@ -74,6 +97,7 @@ for package in "${packages[@]}"; do
 done
 
 if [ ${#missing[@]} -eq 0 ]; then
+  [ "$dry_run" -eq 1 ] || install_browser_driver
   echo "setup: nothing is missing"
   exit 0
 fi
@@ -102,4 +126,5 @@ quietly() {
 quietly apt_get update
 echo "setup: installing ${#missing[@]} packages and what they need (a few minutes on a fresh machine)"
 quietly apt_get install -y --no-install-recommends "${missing[@]}"
+install_browser_driver
 echo "setup: done"

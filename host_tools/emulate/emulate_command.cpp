@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -224,7 +225,10 @@ void fly_real(Fleet* fleet, Ports* ports, double speed, base::TimeUs* now_us) {
 class LockstepFlight {
  public:
   LockstepFlight(Fleet* fleet, Ports* ports, const EmulateOptions& options)
-      : fleet_(fleet), ports_(ports), wait_ms_(static_cast<int>(options.wait_s * 1e3)) {
+      : fleet_(fleet),
+        ports_(ports),
+        wait_ms_(static_cast<int>(options.wait_s * 1e3)),
+        speed_(options.speed) {
     if (!server_.listen(options.lockstep_path)) {
       throw HostError(ExitCode::kUsage,
                       "emulate: --lockstep " + options.lockstep_path + ": " + server_.error());
@@ -235,8 +239,10 @@ class LockstepFlight {
     wait_for_vehicle();
     Progress progress("emulating", static_cast<std::uint64_t>(fleet_->t_end_us()));
     step(*now_us);
+    const base::TimeUs begin_us = monotonic_us();
     while (*now_us < fleet_->t_end_us() && !StopSignals::stopped()) {
       *now_us += kStep_us;
+      keep_pace(begin_us, *now_us);
       run_devices(fleet_, ports_, *now_us);
       if (*now_us % kGrant_us == 0) {
         step(*now_us);
@@ -255,6 +261,19 @@ class LockstepFlight {
       status = server_.accept(kPoll_ms);
     }
     check(status, "to come");
+  }
+
+  /// Waits until the flight's time has come, where it is to be watched.
+  void keep_pace(base::TimeUs begin_us, base::TimeUs flown_us) const {
+    if (!speed_) {
+      return;
+    }
+    const auto due_us =
+        begin_us + static_cast<base::TimeUs>(static_cast<double>(flown_us) / *speed_);
+    const base::TimeUs early_us = due_us - monotonic_us();
+    if (early_us > 0) {
+      std::this_thread::sleep_for(std::chrono::microseconds(early_us));
+    }
   }
 
   void step(base::TimeUs t_us) {
@@ -310,6 +329,7 @@ class LockstepFlight {
   Fleet* fleet_;
   Ports* ports_;
   int wait_ms_;
+  std::optional<double> speed_;
   hal::LockstepServer server_;
   hal::LockstepCounts taken_;
 };
@@ -366,7 +386,8 @@ void stage_truth(OutputDir* out, const Fleet& fleet) {
 }
 
 int run_emulate(const EmulateOptions& options) {
-  if (!(options.speed > 0.0 && options.speed <= 1e4)) {
+  const double speed = options.speed.value_or(1.0);
+  if (!(speed > 0.0 && speed <= 1e4)) {
     usage_error("--speed: must be over 0, at most 10000");
   }
   if (!(options.wait_s > 0.0 && options.wait_s <= 86400.0)) {
@@ -390,7 +411,7 @@ int run_emulate(const EmulateOptions& options) {
   }
   base::TimeUs now_us = 0;
   if (options.lockstep_path.empty()) {
-    fly_real(&fleet, &ports, options.speed, &now_us);
+    fly_real(&fleet, &ports, speed, &now_us);
   } else {
     LockstepFlight(&fleet, &ports, options).fly(&now_us);
   }

@@ -22,7 +22,8 @@ struct EmulateOptions {
   std::string udp;
   std::string link_uri = "udp:127.0.0.1:9100";  ///< --write-config: where the vehicle sends its map
   std::string log_path = "survey.lll";          ///< --write-config
-  double speed = 1.0;                           ///< times real time
+  /// Times real time; unset: 1, in lockstep as fast as both can.
+  std::optional<double> speed;
   std::string lockstep_path;
   double wait_s = 30.0;  ///< lockstep: for the vehicle to come, and for each answer
   bool json = false;

@@ -38,12 +38,6 @@ std::string fixed_text(double value, int digits) {
   return text;
 }
 
-/// Folder for the map of a survey that another one replaced.
-std::string earlier_name(const std::string& directory, const proto::Hello& hello) {
-  return directory + "/survey-" + std::to_string(hello.survey_id) + "-session-" +
-         std::to_string(hello.session);
-}
-
 class Session {
  public:
   explicit Session(const ReceiveOptions& options)
@@ -63,7 +57,7 @@ class Session {
       keep(ended);
       store_lost_ = store_lost_ || !store_works_;
       if (!options_.out_dir.empty() && ended.known_cells() > 0) {
-        write_received_map(earlier_name(options_.out_dir, ended.hello()), ended, summary());
+        write_received_map(earlier_map_dir(options_.out_dir, ended.hello()), ended, summary());
       }
     };
   }
@@ -328,6 +322,11 @@ void write_received_map(const std::string& directory, const TileStore& store,
   stage_map(&output, store.elevation(), store.sigma(), hello_reference(store.hello()));
   output.write("receive.json", summary);
   output.commit();
+}
+
+std::string earlier_map_dir(const std::string& directory, const proto::Hello& hello) {
+  return directory + "/survey-" + std::to_string(hello.survey_id) + "-session-" +
+         std::to_string(hello.session);
 }
 
 std::string receive_summary_json(const Receiver& receiver,

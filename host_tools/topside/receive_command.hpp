@@ -33,6 +33,9 @@ struct ReceiveOptions {
 void write_received_map(const std::string& directory, const TileStore& store,
                         const std::string& summary);
 
+/// Folder in `directory` for the map of a survey that another one replaced.
+[[nodiscard]] std::string earlier_map_dir(const std::string& directory, const proto::Hello& hello);
+
 /// The command: until SIGINT, SIGTERM, the end of a file, or --idle. Returns 0; 5 when a log was given and
 /// the map is not the vehicle's. Throws HostError: kUsage (the URI), kInput (another major version;
 /// nothing came that makes a map; the store is none), kOutput (also when the store lacks something at the

@@ -1,0 +1,280 @@
+#include "host_tools/monitor/monitor_command.hpp"
+
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "hal/linux/uri.hpp"
+#include "host_tools/exit_codes.hpp"
+#include "host_tools/monitor/live_map.hpp"
+#include "host_tools/monitor/page_messages.hpp"
+#include "host_tools/monitor/page_state.hpp"
+#include "host_tools/monitor/player.hpp"
+#include "host_tools/monitor/track.hpp"
+#include "host_tools/monitor/web_access.hpp"
+#include "host_tools/monitor/web_server.hpp"
+#include "host_tools/output_dir.hpp"
+#include "host_tools/stop_signals.hpp"
+#include "host_tools/text.hpp"
+#include "host_tools/topside/link_reader.hpp"
+#include "host_tools/topside/live_line.hpp"
+#include "host_tools/topside/receive_command.hpp"
+#include "host_tools/topside/receiver.hpp"
+#include "model/base/pose.hpp"
+
+namespace leadline::host {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// The link is looked at this often; between, the page is served.
+constexpr int kRound_ms = 20;
+constexpr double kStateEvery_s = 0.25;
+constexpr double kShowEvery_s = 0.5;
+
+double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
+
+/// Path of a recording to be played; nothing for a link that is live (a named pipe is).
+std::optional<std::string> recording_path(const std::string& uri) {
+  const hal::UriResult parsed = hal::parse_uri(uri);
+  std::error_code error;
+  if (!parsed.ok() || parsed.spec.scheme != hal::UriScheme::kFile ||
+      !std::filesystem::is_regular_file(parsed.spec.path, error)) {
+    return std::nullopt;
+  }
+  return parsed.spec.path;
+}
+
+class Monitor {
+ public:
+  explicit Monitor(const MonitorOptions& options) : options_(options) {
+    if (!options.out_dir.empty()) {
+      // Now, not when the dive is over.
+      const OutputDir probe(options.out_dir);
+    }
+    const WebAddress address = parse_web_address(options.http);
+    if (const std::optional<std::string> path = recording_path(options.link_uri)) {
+      player_.emplace(*path, options.speed);
+    } else {
+      link_.emplace(options.link_uri, "monitor");
+    }
+    begin_receiver();
+    server_.emplace(address,
+                    WebServer::Handlers{[this] { return content(); },
+                                        [this](const PageRequest& request) { take(request); }});
+    if (link_ && link_->local_port() != 0) {
+      std::cerr << "monitor: listening at port " + std::to_string(link_->local_port()) + "\n";
+    }
+    std::cerr << "monitor: the page is at http://" << web_authority({address.host, server_->port()})
+              << "/\n";
+  }
+
+  int run() {
+    begin_s_ = shown_s_ = now_s();
+    while (!StopSignals::stopped()) {
+      round(now_s());
+      server_->wake();
+      server_->run_for(player_ && player_->seeking() ? 0 : kRound_ms);
+    }
+    line_.wipe();
+    write(options_.out_dir);
+    return static_cast<int>(ExitCode::kOk);
+  }
+
+ private:
+  void begin_receiver() {
+    receiver_ = std::make_unique<Receiver>();
+    receiver_->on_replaced = [this](const TileStore& ended) {
+      if (!options_.out_dir.empty() && ended.known_cells() > 0 && !player_) {
+        write_received_map(earlier_map_dir(options_.out_dir, ended.hello()), ended, summary());
+      }
+      begin_map();
+    };
+  }
+
+  void begin_map() {
+    map_.restart();
+    track_.clear();
+    state_.restart();
+  }
+
+  void round(double now) {
+    if (player_) {
+      play(now);
+    } else {
+      listen(now);
+    }
+    for (const ReceiverNotice& notice : receiver_->take_notices()) {
+      say(severity_word(notice.severity) + printable(notice.text, 300));
+      state_.add_notice(notice);
+    }
+    // A map is sent only behind the state that describes it: that one does not wait.
+    wanted_ = wanted_ || state_epoch_ != map_.epoch();
+    if (state_number_ == 0 || now - state_s_ >= kStateEvery_s || wanted_) {
+      state_s_ = now;
+      state_epoch_ = map_.epoch();
+      wanted_ = false;
+      state_number_ += 1;
+      state_json_ = state_.json(*receiver_, surroundings(now), player_ ? vehicle_s() : now);
+    }
+    if (StopSignals::take_wish()) {
+      write(options_.out_dir);
+    }
+    if (now - shown_s_ >= kShowEvery_s) {
+      shown_s_ = now;
+      line_.show(live_text(*receiver_, state_.bytes_per_second(now)) + ", " +
+                 std::to_string(server_->viewers()) + " viewers");
+    }
+  }
+
+  void listen(double now) {
+    const std::uint64_t before = received_bytes_ + receiver_->counters().bytes;
+    try {
+      (void)link_->read_some(receiver_.get(), now);
+    } catch (const HostError& error) {
+      refuse(error.what());
+    }
+    if (received_bytes_ + receiver_->counters().bytes != before) {
+      last_byte_s_ = now;
+    }
+    const std::string change = link_->port_change();
+    if (!change.empty()) {
+      port_state_ = change;
+      say(change);
+    }
+    if (!options_.no_resend) {
+      link_->ask_again(receiver_.get(), now);
+    }
+    follow();
+    state_.follow(*receiver_, now);
+  }
+
+  void play(double now) {
+    player_->step(now, {[this] {
+                          begin_receiver();
+                          begin_map();
+                        },
+                        [this](const std::uint8_t* data, std::size_t size_bytes, base::TimeUs) {
+                          try {
+                            receiver_->feed(data, size_bytes);
+                          } catch (const HostError& error) {
+                            refuse(error.what());
+                          }
+                          follow();
+                          state_.follow(*receiver_, vehicle_s());
+                        }});
+  }
+
+  [[nodiscard]] double vehicle_s() const {
+    return receiver_->status() ? static_cast<double>(receiver_->status()->t_us) * 1e-6 : 0.0;
+  }
+
+  /// A vehicle that this program cannot understand: what it says is not read, and the page tells why.
+  void refuse(const std::string& why) {
+    if (refused_ != why) {
+      say("error: " + why);
+    }
+    refused_ = why;
+    received_bytes_ += receiver_->counters().bytes;
+    begin_receiver();
+    begin_map();
+  }
+
+  void follow() {
+    const TileStore* const store = receiver_->store();
+    if (store == nullptr) {
+      return;
+    }
+    refused_.clear();
+    const std::optional<proto::Status>& status = receiver_->status();
+    map_.follow(*store, status ? status->t_us : 0);
+    if (!status) {
+      return;
+    }
+    if ((status->pose_validity & base::kPoseHorizontal) == 0) {
+      track_.interrupt();
+      return;
+    }
+    constexpr float kMmPerM = 1000.0F;
+    track_.add({static_cast<float>(status->position_mm[0]) / kMmPerM,
+                static_cast<float>(status->position_mm[1]) / kMmPerM,
+                static_cast<float>(status->position_mm[2]) / kMmPerM,
+                static_cast<float>(static_cast<double>(status->t_us) * 1e-6)},
+               store->hello().cell_mm / 2000.0);
+  }
+
+  [[nodiscard]] PageContent content() const {
+    const bool settled = !player_ || !player_->seeking();
+    return {&palettes_,    &map_,        &track_,
+            state_number_, &state_json_, settled && state_epoch_ == map_.epoch()};
+  }
+
+  [[nodiscard]] PageSurroundings surroundings(double now) const {
+    PageSurroundings around;
+    around.link_uri = options_.link_uri;
+    around.port_state = port_state_;
+    around.refused = refused_;
+    around.silent_s = last_byte_s_ < 0.0 ? -1.0 : now - last_byte_s_;
+    around.budget_bytes_s = options_.budget_bytes_s;
+    around.viewers = server_->viewers();
+    around.epoch = map_.epoch();
+    around.player = player_ ? &*player_ : nullptr;
+    return around;
+  }
+
+  void take(const PageRequest& request) {
+    if (player_) {
+      player_->take(request);
+      wanted_ = true;
+    }
+  }
+
+  void say(const std::string& text) {
+    line_.wipe();
+    std::cerr << "monitor: " << text << "\n";
+  }
+
+  [[nodiscard]] std::string summary() const {
+    return receive_summary_json(*receiver_, receiver_->vehicle_cells_hash(), now_s() - begin_s_);
+  }
+
+  void write(const std::string& directory) const {
+    if (!directory.empty() && receiver_->store() != nullptr) {
+      write_received_map(directory, *receiver_->store(), summary());
+    }
+  }
+
+  const MonitorOptions& options_;
+  std::optional<Player> player_;
+  std::optional<LinkReader> link_;
+  std::unique_ptr<Receiver> receiver_;
+  const std::string palettes_ = palettes_json();
+  LiveMap map_;
+  Track track_;
+  PageState state_;
+  std::string state_json_;
+  std::uint64_t state_number_ = 0;
+  std::uint32_t state_epoch_ = 0;
+  double state_s_ = 0.0;
+  bool wanted_ = false;  ///< a page asked for something: the state that answers does not wait
+  std::string port_state_;
+  std::string refused_;
+  std::uint64_t received_bytes_ = 0;  ///< by receivers that are no more
+  double last_byte_s_ = -1.0;
+  double begin_s_ = 0.0;
+  double shown_s_ = 0.0;
+  LiveLine line_;
+  std::optional<WebServer> server_;
+};
+
+}  // namespace
+
+int run_monitor(const MonitorOptions& options) {
+  const StopSignals signals;
+  return Monitor(options).run();
+}
+
+}  // namespace leadline::host

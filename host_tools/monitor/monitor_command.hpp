@@ -1,0 +1,21 @@
+// `leadline monitor`: the live map and the health of a vehicle as a page in a browser.
+#pragma once
+
+#include <string>
+
+namespace leadline::host {
+
+struct MonitorOptions {
+  std::string link_uri;  ///< as for receive; a regular file (file:PATH) is played
+  std::string http = "127.0.0.1:8080";
+  std::string out_dir;        ///< map and receive.json at the end; "" = none
+  double budget_bytes_s = 0;  ///< what the link may carry; 0: not known
+  double speed = 0;           ///< recordings: play from the beginning; 0: stand at the end
+  bool no_resend = false;     ///< never ask the vehicle for anything
+};
+
+/// The command: until SIGINT or SIGTERM. Returns 0. Throws HostError: kUsage (URI, address, port in use), kInput
+/// (a file that cannot be read or holds no link), kOutput.
+int run_monitor(const MonitorOptions& options);
+
+}  // namespace leadline::host

@@ -1,0 +1,56 @@
+// The WebSocket to the monitor: opens it again when it closes, takes its messages apart.
+
+const KIND_TILES = 1, KIND_TRACK = 2, KIND_COMPLETE = 3;
+const TILE_WORDS = 513;
+
+export class Link extends EventTarget {
+  constructor() {
+    super();
+    this.waitMs = 500;
+    this.#open();
+  }
+
+  send(request) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request));
+  }
+
+  #open() {
+    this.socket = new WebSocket(`ws://${location.host}/live`);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.onopen = () => {
+      this.waitMs = 500;
+      this.#say("open");
+    };
+    this.socket.onclose = () => {
+      this.#say("closed");
+      setTimeout(() => this.#open(), this.waitMs);
+      this.waitMs = Math.min(this.waitMs * 1.6, 5000);
+    };
+    this.socket.onmessage = (event) => {
+      if (typeof event.data === "string") {
+        const message = JSON.parse(event.data);
+        this.#say(message.type, message);
+      } else {
+        this.#binary(event.data);
+      }
+    };
+  }
+
+  #binary(buffer) {
+    const head = new DataView(buffer);
+    const kind = head.getUint8(0), count = head.getUint16(2, true), epoch = head.getUint32(4, true);
+    if (kind === KIND_TILES) {
+      const tiles = [];
+      for (let k = 0; k < count; k++) tiles.push(new Uint32Array(buffer, 8 + 4 * TILE_WORDS * k, TILE_WORDS));
+      this.#say("tiles", { epoch, tiles });
+    } else if (kind === KIND_TRACK) {
+      this.#say("track", { epoch, first: head.getUint32(8, true), points: new Float32Array(buffer, 12, 4 * count) });
+    } else if (kind === KIND_COMPLETE) {
+      this.#say("complete", { epoch });
+    }
+  }
+
+  #say(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

@@ -1,0 +1,188 @@
+// The map in the browser: tiles as they came, figures about all of them kept as they change. Every update costs
+// what the tile costs, whatever the size of the map.
+
+export const TILE_SIDE = 16;
+export const TILE_AREA = TILE_SIDE * TILE_SIDE;
+const BIN_Q8 = 16; // a sixteenth of a cell
+
+export class MapStore {
+  /** @param map the state message's "map" */
+  constructor(map) {
+    this.cellM = map.cell_mm / 1000;
+    this.size = map.size_cells; // north, east, down
+    this.originM = map.origin_mm.map((mm) => mm / 1000);
+    this.tilesEast = Math.ceil(this.size[1] / TILE_SIDE);
+    this.tiles = new Map(); // number -> Uint32Array: 256 cells, 256 times
+    this.known = 0;
+    this.depthBins = new Int32Array((Math.min(this.size[2] * 2, 2048) * 256) / BIN_Q8 + 1);
+    this.sigmaBins = new Int32Array(31);
+    this.firstTimeDs = Infinity;
+    // Known cells' bounds, in cells.
+    this.bounds = null;
+  }
+
+  /** Takes a tile (513 numbers: its own, 256 cells, 256 times) and returns it as kept. */
+  setTile(message) {
+    const id = message[0];
+    const rows = Math.ceil(this.size[0] / TILE_SIDE);
+    if (id >= rows * this.tilesEast) return null;
+    const before = this.tiles.get(id);
+    const now = message.slice(1, 1 + 2 * TILE_AREA);
+    for (let k = 0; k < TILE_AREA; k++) {
+      if (before) this.#count(before[k], -1);
+      this.#count(now[k], 1);
+      if (now[k] & 31) this.firstTimeDs = Math.min(this.firstTimeDs, now[TILE_AREA + k]);
+    }
+    this.tiles.set(id, now);
+    const north = Math.floor(id / this.tilesEast) * TILE_SIDE;
+    const east = (id % this.tilesEast) * TILE_SIDE;
+    const b = this.bounds ?? (this.bounds = { north0: north, north1: north, east0: east, east1: east });
+    b.north0 = Math.min(b.north0, north);
+    b.north1 = Math.max(b.north1, Math.min(north + TILE_SIDE, this.size[0]));
+    b.east0 = Math.min(b.east0, east);
+    b.east1 = Math.max(b.east1, Math.min(east + TILE_SIDE, this.size[1]));
+    return now;
+  }
+
+  removeTile(id) {
+    const tile = this.tiles.get(id);
+    if (!tile) return;
+    for (let k = 0; k < TILE_AREA; k++) this.#count(tile[k], -1);
+    this.tiles.delete(id);
+  }
+
+  #count(cell, by) {
+    const code = (cell & 31) - 1;
+    if (code < 0) return;
+    this.known += by;
+    this.sigmaBins[code] += by;
+    const bin = Math.floor((cell >>> 8) / BIN_Q8);
+    this.depthBins[Math.min(bin, this.depthBins.length - 1)] += by;
+  }
+
+  depthOf(cell) {
+    return this.originM[2] + ((cell >>> 8) * this.cellM) / 256;
+  }
+  /** Sigma of a code: 2^(k/2) / 64 cells (proto/SPEC.md, "Cells"). */
+  sigmaOf(code) {
+    return (Math.pow(2, code / 2) / 64) * this.cellM;
+  }
+
+  /** What is known of a cell, or null. */
+  cell(north, east) {
+    if (north < 0 || east < 0 || north >= this.size[0] || east >= this.size[1]) return null;
+    const tile = this.tiles.get(
+      Math.floor(north / TILE_SIDE) * this.tilesEast + Math.floor(east / TILE_SIDE));
+    if (!tile) return null;
+    const k = (north % TILE_SIDE) * TILE_SIDE + (east % TILE_SIDE);
+    const code = (tile[k] & 31) - 1;
+    if (code < 0) return null;
+    return {
+      depthM: this.depthOf(tile[k]),
+      sigmaM: this.sigmaOf(code),
+      timeS: tile[TILE_AREA + k] / 10,
+      secondSurface: (tile[k] & 32) !== 0,
+    };
+  }
+  /** The same by place, metres of the survey's frame. */
+  at(northM, eastM) {
+    return this.cell(Math.floor((northM - this.originM[0]) / this.cellM),
+      Math.floor((eastM - this.originM[1]) / this.cellM));
+  }
+
+  /** Depth that `share` of the known cells do not exceed. */
+  depthQuantile(share) {
+    let left = this.known * share;
+    for (let bin = 0; bin < this.depthBins.length; bin++) {
+      left -= this.depthBins[bin];
+      if (left < 0 || (left <= 0 && share >= 1)) {
+        return this.originM[2] + ((bin + 0.5) * BIN_Q8 * this.cellM) / 256;
+      }
+    }
+    return this.originM[2];
+  }
+  sigmaQuantile(share) {
+    let left = this.known * share;
+    for (let code = 0; code < 31; code++) {
+      left -= this.sigmaBins[code];
+      if (left < 0) return this.sigmaOf(code);
+    }
+    return this.sigmaOf(30);
+  }
+
+  /** Known cells shallower than a depth: how many, the shallowest, and its place. Goes through the whole map. */
+  obstacles(depthM) {
+    const found = { count: 0, depthM: Infinity, northM: 0, eastM: 0 };
+    for (const [id, tile] of this.tiles) {
+      for (let k = 0; k < TILE_AREA; k++) {
+        if (!(tile[k] & 31)) continue;
+        const depth = this.depthOf(tile[k]);
+        if (depth >= depthM) continue;
+        found.count++;
+        if (depth < found.depthM) {
+          const north = Math.floor(id / this.tilesEast) * TILE_SIDE + Math.floor(k / TILE_SIDE);
+          const east = (id % this.tilesEast) * TILE_SIDE + (k % TILE_SIDE);
+          found.depthM = depth;
+          found.northM = this.originM[0] + (north + 0.5) * this.cellM;
+          found.eastM = this.originM[1] + (east + 0.5) * this.cellM;
+        }
+      }
+    }
+    return found;
+  }
+
+  /** Depths along a line between two places (metres), one sample per cell that it crosses or finer. */
+  profile(from, to) {
+    const length = Math.hypot(to.northM - from.northM, to.eastM - from.eastM);
+    const steps = Math.min(Math.max(Math.ceil((2 * length) / this.cellM), 1), 4000);
+    const samples = [];
+    for (let i = 0; i <= steps; i++) {
+      const t = i / steps;
+      const northM = from.northM + (to.northM - from.northM) * t;
+      const eastM = from.eastM + (to.eastM - from.eastM) * t;
+      samples.push({ alongM: length * t, northM, eastM, cell: this.at(northM, eastM) });
+    }
+    return samples;
+  }
+
+  /** Area of a polygon (square metres, horizontal) and how much of it is known (0 .. 1). */
+  area(points) {
+    let twice = 0;
+    for (let i = 0; i < points.length; i++) {
+      const a = points[i], b = points[(i + 1) % points.length];
+      twice += a.eastM * b.northM - b.eastM * a.northM;
+    }
+    const norths = points.map((p) => p.northM), easts = points.map((p) => p.eastM);
+    // At most about 200 x 200 samples.
+    const step = Math.max(this.cellM,
+      (Math.max(...norths) - Math.min(...norths)) / 200, (Math.max(...easts) - Math.min(...easts)) / 200);
+    let inside = 0, known = 0;
+    for (let n = Math.min(...norths) + step / 2; n < Math.max(...norths); n += step) {
+      for (let e = Math.min(...easts) + step / 2; e < Math.max(...easts); e += step) {
+        if (!contains(points, n, e)) continue;
+        inside++;
+        if (this.at(n, e)) known++;
+      }
+    }
+    return { squareM: Math.abs(twice) / 2, known: inside ? known / inside : 0 };
+  }
+}
+
+function contains(points, northM, eastM) {
+  let inside = false;
+  for (let i = 0, j = points.length - 1; i < points.length; j = i++) {
+    const a = points[i], b = points[j];
+    if (a.northM > northM !== b.northM > northM &&
+        eastM < ((b.eastM - a.eastM) * (northM - a.northM)) / (b.northM - a.northM) + a.eastM) {
+      inside = !inside;
+    }
+  }
+  return inside;
+}
+
+/** A step of 1, 2 or 5 times a power of ten that is near `wanted`. */
+export function roundStep(wanted) {
+  const power = Math.pow(10, Math.floor(Math.log10(wanted)));
+  const x = wanted / power;
+  return power * (x < 1.5 ? 1 : x < 3.5 ? 2 : x < 7.5 ? 5 : 10);
+}

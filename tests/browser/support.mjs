@@ -1,0 +1,64 @@
+// What the browser's programs share: the browser, a monitor to look at, a vehicle's voice.
+import { spawn } from "node:child_process";
+import dgram from "node:dgram";
+import fs from "node:fs";
+import { createRequire } from "node:module";
+import path from "node:path";
+
+/** Chromium by Playwright from `modules`/node_modules. Throws where either is missing. */
+export async function openBrowser(modules) {
+  const { chromium } = createRequire(path.join(path.resolve(modules), "x"))("playwright-core");
+  const executablePath = process.env.LEADLINE_CHROMIUM ?? "/usr/bin/chromium";
+  fs.accessSync(executablePath, fs.constants.X_OK);
+  return chromium.launch({
+    executablePath, headless: true,
+    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
+      "--disable-background-networking", "--disable-component-update", "--disable-sync"],
+  });
+}
+
+const running = [];
+process.on("exit", () => running.forEach((child) => child.kill("SIGKILL")));
+
+/** A monitor that serves its page: { child, url, port (of the link, 0 for files) }. */
+export async function startMonitor(program, link, http = "127.0.0.1:0") {
+  const child = spawn(program, ["monitor", "--link", link, "--http", http], { stdio: ["ignore", "ignore", "pipe"] });
+  running.push(child);
+  child.ended = new Promise((done) => child.on("exit", done));
+  let said = "";
+  const [url, port] = await new Promise((done, fail) => {
+    child.stderr.on("data", (data) => {
+      said += data;
+      const page = said.match(/page is at (http:\S+)\n/);
+      if (page) done([page[1], Number(said.match(/listening at port (\d+)/)?.[1] ?? 0)]);
+    });
+    child.on("exit", (code) => fail(new Error(`monitor ended with ${code}: ${said}`)));
+  });
+  return { child, url, port };
+}
+
+/** The frames of the downlink in a vehicle's log, as they were sent: what a topside would have heard. */
+export function downlinkFrames(log) {
+  const bytes = fs.readFileSync(log);
+  const frames = [];
+  for (let at = 0; at < bytes.length;) {
+    let end = bytes.indexOf(0, at);
+    if (end < 0) end = bytes.length;
+    // COBS: unless the first code is 1 (a zero), the payload's first byte, its type, is the second here.
+    if (end > at + 1 && bytes[at] > 1 && bytes[at + 1] < 0x40) frames.push(Buffer.concat([Buffer.from([0]), bytes.subarray(at, end), Buffer.from([0])]));
+    at = end + 1;
+  }
+  return frames;
+}
+
+/** Sends the frames from share `from` to share `to`, each a datagram, over about `seconds`. */
+export async function sendFrames(frames, port, from, to, seconds = 0.5) {
+  const socket = dgram.createSocket("udp4");
+  const part = frames.slice(Math.floor(from * frames.length), Math.floor(to * frames.length));
+  const burst = Math.max(Math.ceil(part.length / (seconds * 50)), 1);
+  for (let k = 0; k < part.length; k++) {
+    await new Promise((done) => socket.send(part[k], port, "127.0.0.1", done));
+    if (k % burst === burst - 1) await new Promise((done) => setTimeout(done, 20));
+  }
+  socket.close();
+}

@@ -1,0 +1,360 @@
+// What a viewer of the live map is sent, without a network.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "host_tools/monitor/live_map.hpp"
+#include "host_tools/monitor/page_messages.hpp"
+#include "host_tools/monitor/rate_window.hpp"
+#include "host_tools/monitor/track.hpp"
+#include "tests/support/test.hpp"
+
+namespace {
+
+using leadline::host::kPageTile_bytes;
+using leadline::host::kTileHeader_bytes;
+using leadline::host::LiveMap;
+using leadline::host::LiveTile;
+using leadline::host::next_page_message;
+using leadline::host::PageContent;
+using leadline::host::PageCursor;
+using leadline::host::PageMessage;
+using leadline::host::PageRequest;
+using leadline::host::parse_page_request;
+using leadline::host::RateWindow;
+using leadline::host::TileStore;
+using leadline::host::Track;
+using leadline::proto::CodedCell;
+using leadline::proto::Hello;
+using leadline::proto::kTileArea_cells;
+using leadline::proto::TileDelta;
+
+Hello square_grid(std::int32_t side_cells, std::uint32_t session = 1) {
+  Hello hello{};
+  hello.protocol_major = leadline::proto::kProtocolMajor;
+  hello.tile_side_cells = leadline::proto::kTileSide_cells;
+  hello.survey_id = 7;
+  hello.session = session;
+  hello.cell_mm = 500;
+  hello.size_cells[0] = hello.size_cells[1] = side_cells;
+  hello.size_cells[2] = 64;
+  return hello;
+}
+
+/// One cell of a tile changes.
+TileDelta change(std::uint32_t tile, std::uint32_t generation, int cell, std::int32_t depth_q8) {
+  TileDelta delta{};
+  delta.tile = tile;
+  delta.generation = generation;
+  delta.changed.set(cell);
+  delta.cell_count = 1;
+  delta.cells[cell] = leadline::proto::code_cell(depth_q8, 1024, 0);
+  return delta;
+}
+
+std::uint32_t word(const std::vector<std::uint8_t>& bytes, std::size_t at) {
+  return std::uint32_t{bytes[at]} | std::uint32_t{bytes[at + 1]} << 8U |
+         std::uint32_t{bytes[at + 2]} << 16U | std::uint32_t{bytes[at + 3]} << 24U;
+}
+
+/// A page: what it makes of the messages.
+struct Viewer {
+  PageCursor cursor;
+  std::map<std::uint32_t, std::vector<std::uint32_t>> tiles;
+  std::vector<std::string> texts;
+  std::size_t track_points = 0;
+  std::size_t tile_messages = 0;
+  std::size_t bytes = 0;
+  int complete = 0;
+
+  void take(const PageMessage& message) {
+    bytes += message.bytes.size();
+    if (message.text) {
+      texts.emplace_back(message.bytes.begin(), message.bytes.end());
+      return;
+    }
+    const std::size_t count = message.bytes[2] + 256U * message.bytes[3];
+    if (message.bytes[0] == 1) {
+      assert_int_equal(message.bytes.size(), kTileHeader_bytes + count * kPageTile_bytes);
+      tile_messages += 1;
+      for (std::size_t k = 0; k < count; ++k) {
+        const std::size_t at = kTileHeader_bytes + k * kPageTile_bytes;
+        std::vector<std::uint32_t>& tile = tiles[word(message.bytes, at)];
+        tile.clear();
+        for (std::size_t i = 0; i < 2 * std::size_t{kTileArea_cells}; ++i) {
+          tile.push_back(word(message.bytes, at + 4 + 4 * i));
+        }
+      }
+    } else if (message.bytes[0] == 2) {
+      track_points = word(message.bytes, 8) + count;
+    } else {
+      assert_int_equal(message.bytes[0], 3);
+      complete += 1;
+    }
+  }
+};
+
+struct Stage {
+  std::string palettes = leadline::host::palettes_json();
+  std::string state = R"({"type": "state"})";
+  LiveMap map;
+  Track track;
+  std::uint64_t state_number = 1;
+  bool settled = true;
+
+  [[nodiscard]] PageContent content() const {
+    return {&palettes, &map, &track, state_number, &state, settled};
+  }
+  /// Sends all that there is; returns the messages.
+  std::size_t serve(Viewer* viewer) const {
+    std::size_t count = 0;
+    while (const auto message = next_page_message(content(), &viewer->cursor)) {
+      viewer->take(*message);
+      count += 1;
+      assert_true(count < 10'000);
+    }
+    return count;
+  }
+};
+
+void assert_same_map(const Viewer& viewer, const TileStore& store) {
+  std::size_t known = 0;
+  for (std::uint32_t id = 0; id < store.tile_count(); ++id) {
+    const auto view = store.tile(id);
+    if (!view) {
+      continue;
+    }
+    known += 1;
+    const auto found = viewer.tiles.find(id);
+    assert_true(found != viewer.tiles.end());
+    for (std::size_t k = 0; k < kTileArea_cells; ++k) {
+      assert_int_equal(found->second[k], view->cells[k]);
+    }
+  }
+  assert_int_equal(viewer.tiles.size(), known);
+}
+
+TEST(who_comes_late_gets_everything_once_then_changes_only) {
+  Stage stage;
+  TileStore store(square_grid(160));  // 100 tiles
+  for (std::uint32_t tile = 0; tile < 100; ++tile) {
+    (void)store.apply(change(tile, 1, 3, 2000 + static_cast<std::int32_t>(tile) * 16));
+  }
+  stage.map.follow(store, 5'000'000);
+  Viewer viewer;
+  (void)stage.serve(&viewer);
+  assert_same_map(viewer, store);
+  assert_int_equal(viewer.texts.size(), 2);  // palettes, state
+  assert_int_equal(viewer.tile_messages, 4);
+  assert_int_equal(viewer.complete, 1);
+  assert_int_equal(stage.serve(&viewer), 0);
+
+  (void)store.apply(change(42, 2, 7, 3000));
+  stage.map.follow(store, 6'000'000);
+  const std::size_t before = viewer.bytes;
+  assert_int_equal(stage.serve(&viewer), 1);
+  assert_int_equal(viewer.bytes - before, kTileHeader_bytes + kPageTile_bytes);
+  assert_same_map(viewer, store);
+  // Times: the cell that changed later is younger.
+  assert_int_equal(viewer.tiles[42][kTileArea_cells + 3], 50);
+  assert_int_equal(viewer.tiles[42][kTileArea_cells + 7], 60);
+}
+
+TEST(random_changes_reach_viewers_of_any_pace) {
+  leadline::test::Random random(11);
+  Stage stage;
+  TileStore store(square_grid(96));  // 36 tiles
+  std::vector<std::uint32_t> generations(36, 0);
+  Viewer eager;
+  Viewer lazy;
+  for (int round = 0; round < 500; ++round) {
+    const auto changes = random.between(0, 12);
+    for (std::int64_t k = 0; k < changes; ++k) {
+      const auto tile = static_cast<std::uint32_t>(random.between(0, 35));
+      (void)store.apply(change(tile, ++generations[tile], static_cast<int>(random.between(0, 255)),
+                               static_cast<std::int32_t>(random.between(0, 16'000))));
+    }
+    stage.map.follow(store, round * 100'000);
+    (void)stage.serve(&eager);
+    assert_same_map(eager, store);
+    if (random.between(0, 39) == 0) {  // one message now and then
+      if (const auto message = next_page_message(stage.content(), &lazy.cursor)) {
+        lazy.take(*message);
+      }
+    }
+  }
+  (void)stage.serve(&lazy);
+  assert_same_map(lazy, store);
+  // What changed again while he was away came once.
+  assert_true(lazy.bytes < eager.bytes / 4);
+}
+
+TEST(another_map_begins_a_new_epoch_and_a_seek_holds_tiles_back) {
+  Stage stage;
+  TileStore first(square_grid(64));
+  (void)first.apply(change(3, 1, 0, 1000));
+  stage.map.follow(first, 0);
+  Viewer viewer;
+  (void)stage.serve(&viewer);
+  assert_int_equal(viewer.cursor.epoch, 1);
+
+  stage.map.restart();
+  assert_int_equal(stage.serve(&viewer), 0);  // nothing to show yet
+  TileStore second(square_grid(64, 2));
+  (void)second.apply(change(5, 1, 0, 1000));
+  stage.map.follow(second, 0);
+  stage.settled = false;
+  assert_int_equal(stage.serve(&viewer), 0);
+  stage.settled = true;
+  viewer.tiles.clear();
+  (void)stage.serve(&viewer);
+  assert_int_equal(viewer.cursor.epoch, 2);
+  assert_same_map(viewer, second);
+  assert_int_equal(viewer.complete, 2);
+}
+
+TEST(a_state_never_waits_behind_more_than_one_message_of_tiles) {
+  Stage stage;
+  TileStore store(square_grid(320));  // 400 tiles
+  for (std::uint32_t tile = 0; tile < 400; ++tile) {
+    (void)store.apply(change(tile, 1, 0, 1000));
+  }
+  stage.map.follow(store, 0);
+  Viewer viewer;
+  for (int k = 0; k < 3; ++k) {  // palettes, state, tiles
+    viewer.take(*next_page_message(stage.content(), &viewer.cursor));
+  }
+  assert_int_equal(viewer.tile_messages, 1);
+  assert_true(viewer.bytes < 80'000);
+  stage.state_number += 1;
+  const auto message = next_page_message(stage.content(), &viewer.cursor);
+  assert_true(message && message->text);
+}
+
+TEST(the_cost_of_an_update_does_not_grow_with_the_map) {
+  std::vector<std::size_t> bytes;
+  for (const std::int32_t side : {64, 256, 1024, 2048}) {
+    Stage stage;
+    TileStore store(square_grid(side));
+    for (std::uint32_t tile = 0; tile < store.tile_count(); ++tile) {
+      (void)store.apply(change(tile, 1, 0, 1000));
+    }
+    stage.map.follow(store, 0);
+    Viewer viewer;
+    (void)stage.serve(&viewer);
+    const std::size_t before = viewer.bytes;
+    for (std::uint32_t k = 0; k < 8; ++k) {
+      (void)store.apply(change(k, 2, 1, 1000));
+    }
+    stage.map.follow(store, 100'000);
+    assert_int_equal(stage.serve(&viewer), 1);
+    bytes.push_back(viewer.bytes - before);
+  }
+  for (const std::size_t one : bytes) {
+    assert_int_equal(one, kTileHeader_bytes + 8 * kPageTile_bytes);
+  }
+}
+
+TEST(a_track_is_bounded_and_keeps_its_gaps) {
+  Track track;
+  const std::uint32_t revision = track.revision();
+  track.add({0, 0, 0, 0}, 1.0);
+  track.add({0.5F, 0, 0, 1}, 1.0);  // too near
+  track.add({1.5F, 0, 0, 2}, 1.0);
+  assert_int_equal(track.points().size(), 2);
+  track.interrupt();
+  track.interrupt();
+  track.add({1.6F, 0, 0, 3}, 1.0);
+  assert_int_equal(track.points().size(), 4);
+  assert_true(std::isnan(track.points()[2].north_m));
+  for (int k = 0; k < 200'000; ++k) {
+    track.add({static_cast<float>(k) * 2.0F, 0, 0, static_cast<float>(k)}, 1.0);
+    assert_true(track.points().size() <= Track::kMaxPoints);
+  }
+  assert_true(track.revision() != revision);
+  assert_true(track.points().size() > Track::kMaxPoints / 8);
+  // Nothing but gaps is bounded as well.
+  for (int k = 0; k < 60'000; ++k) {
+    track.interrupt();
+    track.add({static_cast<float>(k), 0, 0, static_cast<float>(k)}, 1.0);
+    assert_true(track.points().size() <= Track::kMaxPoints);
+  }
+}
+
+TEST(a_viewer_gets_a_thinned_track_anew) {
+  Stage stage;
+  TileStore store(square_grid(64));
+  stage.map.follow(store, 0);
+  Viewer viewer;
+  for (int k = 0; k < 40'000; ++k) {
+    stage.track.add({static_cast<float>(k) * 2.0F, 0, 0, 0}, 1.0);
+    if (k % 100 == 0) {
+      (void)stage.serve(&viewer);
+      assert_int_equal(viewer.track_points, stage.track.points().size());
+    }
+  }
+}
+
+TEST(rates_count_over_their_window_and_through_a_wrap) {
+  RateWindow rate(10.0);
+  assert_float_equal(rate.per_second(0.0), 0.0, 0.0);
+  std::uint32_t count = 0xFFFFFF00U;
+  for (int k = 0; k <= 300; ++k) {
+    rate.add(0.1 * k, count);
+    count += 10;  // 100 a second
+  }
+  assert_float_equal(rate.per_second(30.0), 100.0, 1.0);
+  assert_float_equal(rate.per_second(35.0), 50.0, 8.0);  // it stopped at 30
+  assert_float_equal(rate.per_second(60.0), 0.0, 35.0);
+  rate.add(1.0, 5);  // time went back
+  assert_float_equal(rate.per_second(1.0), 0.0, 0.0);
+}
+
+TEST(requests_of_a_page_are_read_and_all_else_refused) {
+  const auto seek = parse_page_request(R"({"type": "seek", "t_s": 12.5})");
+  assert_true(seek && seek->kind == PageRequest::Kind::kSeek);
+  assert_float_equal(seek->t_s, 12.5, 0.0);
+  const auto play = parse_page_request(R"({"type":"play","speed":10})");
+  assert_true(play && play->kind == PageRequest::Kind::kPlay);
+  assert_true(parse_page_request(R"({"type":"pause"})").has_value());
+  const char* const bad[] = {"",
+                             "{",
+                             "[]",
+                             "null",
+                             "42",
+                             "\"seek\"",
+                             "{}",
+                             R"({"type":1})",
+                             R"({"type":"seek"})",
+                             R"({"type":"seek","t_s":"1"})",
+                             R"({"type":"seek","t_s":-1})",
+                             R"({"type":"seek","t_s":1e300})",
+                             R"({"type":"seek","t_s":1e999})",
+                             R"({"type":"seek","t_s":null})",
+                             R"({"type":"play","speed":0})",
+                             R"({"type":"play","speed":1e9})",
+                             R"({"type":"play"})",
+                             R"({"type":"format_disk"})",
+                             "\xff\xfe{}",
+                             "{\"type\":\"pause\"} x"};
+  for (const char* const text : bad) {
+    assert_false(parse_page_request(text).has_value());
+  }
+  assert_false(parse_page_request(std::string(100'000, '[')).has_value());
+  assert_false(parse_page_request(std::string(1000, '[')).has_value());
+}
+
+TEST(palettes_are_those_of_the_pictures) {
+  const auto json = nlohmann::json::parse(leadline::host::palettes_json());
+  assert_int_equal(json["depth"].size(), 3 * 256);
+  assert_int_equal(json["uncertainty"].size(), 3 * 256);
+  assert_true(json["depth"][0].get<int>() > 200);        // pale: shallow
+  assert_true(json["depth"][3 * 255].get<int>() < 100);  // dark: deep
+}
+
+}  // namespace
