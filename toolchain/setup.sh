@@ -33,7 +33,7 @@ packages=(
 # browser (tests/browser), as are node and, from the npm registry, playwright-core.
 check_packages=(
   clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr
-  user-mode-linux kmod iproute2
+  user-mode-linux kmod iproute2 dpkg-dev
   frama-c-base why3 z3 strace
   chromium
 )
