@@ -14,7 +14,6 @@
 
 #include "firmware/config/survey_sections.hpp"
 #include "firmware/pipeline/config.hpp"
-#include "firmware/pipeline/ping_queue.hpp"
 #include "hal/linux/uri.hpp"
 #include "model/localization_table.hpp"
 
@@ -66,9 +65,9 @@ struct VehicleFile {
 /// kInput: what is wrong with one and what to do.
 [[nodiscard]] std::vector<model::LocalizationTable> load_tables(VehicleFile* file);
 
-/// Pings of the worst kind that the default of [cycle] voxel_budget has room for: an eighth of what may wait.
-/// Most pings write a small part of the worst one's voxels.
-inline constexpr std::uint32_t kDefaultBudget_pings = firmware::PingQueue::kCapacity_count / 8;
+/// Pings of the worst kind that the default of [cycle] voxel_budget has room for. Most pings write a small part
+/// of the worst one's voxels; of the worst, a full queue of 256 takes 32 cycles.
+inline constexpr std::uint32_t kDefaultBudget_pings = 8;
 /// Sets the default of [cycle] voxel_budget unless the file has one; `tables` by table number.
 void set_default_budget(const std::vector<model::LocalizationTable>& tables, VehicleFile* file);
 

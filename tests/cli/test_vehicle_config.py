@@ -35,8 +35,8 @@ class Check(Case):
         self.assertLess(memory["model_used"], memory["model_static"])
         self.assertEqual(work["ping_voxels"], work["ping_shell_voxels"] + work["ping_cone_voxels"])
         self.assertGreater(work["ping_voxels"], 0)
-        # Without a budget: 32 of the worst pings; 0 is as many as the queue of 256 holds.
-        self.assertEqual(work["cycle_voxels"], 32 * work["ping_voxels"])
+        # Without a budget: 8 of the worst pings; 0 is as many as the queue of 256 holds.
+        self.assertEqual(work["cycle_voxels"], 8 * work["ping_voxels"])
         self.assertEqual(report["config"]["cycle"]["voxel_budget"], work["cycle_voxels"])
         self.write_config("[cycle]\nvoxel_budget = 0\n")
         unlimited = json.loads(self.expect(self.check("--json"), OK).stdout)
