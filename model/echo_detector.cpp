@@ -12,8 +12,9 @@ constexpr std::int64_t kEdgeSigmas = 3;
 constexpr std::int64_t kPeakSigmas = 8;
 constexpr int kGap = 2;     // bins below the edge that do not yet end a run
 constexpr int kMargin = 2;  // bins around a run that belong to its energy
-constexpr std::int64_t kFirstShare =
-    4;  // an echo counts from this part of the strongest one's energy on
+// An echo counts from this part of the strongest one's energy on: as the only one, and as the first of more.
+constexpr std::int64_t kFirstShare = 4;
+constexpr std::int64_t kThinShare = 16;
 
 // Bins first .. last of a profile, and their noise.
 struct Window {
@@ -106,8 +107,9 @@ bool strong(const Window& window, const Run& run) {
   return run.peak_q8 > kPeakSigmas * window.sigma_q8 && run.energy_q8 > 0;
 }
 
-// The nearest strong run that has its share of the strongest one's energy.
-bool choose_run(const Window& window, Run& chosen) {
+// The returns of a profile: the nearest strong run that has its share of the strongest one's energy, and
+// runs behind it that outdo all before them. Returns how many.
+int choose_runs(const Window& window, int max_returns, Run chosen[kMaxReturns]) {
   std::int64_t strongest_q8 = 0;
   Run run{};
   for (int from = window.first; next_run(window, from, run); from = run.last + 1) {
@@ -115,14 +117,23 @@ bool choose_run(const Window& window, Run& chosen) {
       strongest_q8 = max_of(strongest_q8, run.energy_q8);
     }
   }
+  const std::int64_t share = max_returns > 1 ? kThinShare : kFirstShare;
+  int count = 0;
   for (int from = window.first; strongest_q8 > 0 && next_run(window, from, run);
        from = run.last + 1) {
-    if (strong(window, run) && kFirstShare * run.energy_q8 >= strongest_q8) {
-      chosen = run;
-      return true;
+    const bool enough = count == 0 ? share * run.energy_q8 >= strongest_q8
+                                   : run.energy_q8 > chosen[count - 1].energy_q8;
+    if (!strong(window, run) || !enough) {
+      continue;
+    }
+    // The last place is the strongest one's.
+    count = min_of(count + 1, max_returns);
+    chosen[count - 1] = run;
+    if (max_returns == 1 || run.energy_q8 == strongest_q8) {
+      break;
     }
   }
-  return false;
+  return count;
 }
 
 // Bins of the profile whose centres are in range.
@@ -151,6 +162,29 @@ std::int64_t arrival_q8(const Window& window, int first, int last, std::int64_t 
   return (static_cast<std::int64_t>(last) - first + 1) << 8;
 }
 
+// Where the detector's fraction of a run's energy has arrived.
+struct Arrival {
+  std::int64_t range_um;
+  std::int64_t energy_q8;
+};
+
+Arrival arrival_of(const base::RangeProfile& profile, const Window& window, const Run& run,
+                   std::uint16_t fraction_q16) {
+  const int first = max_of(run.first - kMargin, window.first);
+  const int last = min_of(run.last + kMargin, window.last);
+  std::int64_t energy_q8 = 0;
+  for (int bin = first; bin <= last; ++bin) {
+    energy_q8 += excess_q8(window, bin);
+  }
+  energy_q8 = max_of<std::int64_t>(energy_q8, 1);
+  const std::int64_t wanted_q8 = max_of<std::int64_t>(1, (energy_q8 * fraction_q16) >> 16);
+  const std::int64_t way_q8 = arrival_q8(window, first, last, wanted_q8);
+  // Bin i is centred at first_bin + i * bin: its near edge lies half a bin before.
+  return Arrival{profile.first_bin_um + static_cast<std::int64_t>(profile.bin_um) * first -
+                     profile.bin_um / 2 + ((way_q8 * profile.bin_um) >> 8),
+                 energy_q8};
+}
+
 std::uint8_t quality_of(const Window& window, const Run& run) {
   // snr / (snr + 8): half at the least ratio that counts.
   const std::int64_t peak = run.peak_q8;
@@ -172,27 +206,24 @@ EchoDetection detect_echo(const base::RangeProfile& profile, const EchoDetectorC
   estimate_noise(window);
   detection.noise_q8 = static_cast<std::uint32_t>(window.noise_q8);
   detection.noise_sigma_q8 = static_cast<std::uint32_t>(window.sigma_q8);
-  Run run{};
-  if (!choose_run(window, run)) {
+  Run runs[kMaxReturns] = {};
+  const int max_returns = base::clamp<int>(config.max_returns, 1, kMaxReturns);
+  const int count = choose_runs(window, max_returns, runs);
+  if (count == 0) {
     return detection;
   }
-  const int first = max_of(run.first - kMargin, window.first);
-  const int last = min_of(run.last + kMargin, window.last);
-  std::int64_t energy_q8 = 0;
-  for (int bin = first; bin <= last; ++bin) {
-    energy_q8 += excess_q8(window, bin);
-  }
-  energy_q8 = max_of<std::int64_t>(energy_q8, 1);
-  const auto fraction = static_cast<std::int64_t>(config.detection_fraction_q16);
-  const std::int64_t wanted_q8 = max_of<std::int64_t>(1, (energy_q8 * fraction) >> 16);
-  const std::int64_t way_q8 = arrival_q8(window, first, last, wanted_q8);
-  // Bin i is centred at first_bin + i * bin: its near edge lies half a bin before.
-  detection.range_um = profile.first_bin_um + static_cast<std::int64_t>(profile.bin_um) * first -
-                       profile.bin_um / 2 + ((way_q8 * profile.bin_um) >> 8);
+  const Arrival first = arrival_of(profile, window, runs[0], config.detection_fraction_q16);
+  detection.range_um = first.range_um;
   detection.found = true;
-  detection.quality = quality_of(window, run);
-  detection.peak_q8 = static_cast<std::uint32_t>(run.peak_q8);
-  detection.energy_q8 = static_cast<std::uint64_t>(energy_q8);
+  detection.quality = quality_of(window, runs[0]);
+  detection.peak_q8 = static_cast<std::uint32_t>(runs[0].peak_q8);
+  detection.energy_q8 = static_cast<std::uint64_t>(first.energy_q8);
+  for (int i = 1; i < count; ++i) {
+    detection.behind[i - 1] = {
+        arrival_of(profile, window, runs[i], config.detection_fraction_q16).range_um,
+        quality_of(window, runs[i])};
+  }
+  detection.behind_count = static_cast<std::uint8_t>(count - 1);
   return detection;
 }
 

@@ -21,6 +21,16 @@ struct EchoDetectorConfig {
   std::uint16_t detection_fraction_q16;
   std::int64_t min_range_um;  ///< bins centred nearer are blanked: ring-down
   std::int64_t max_range_um;  ///< bins centred farther are left out
+  std::uint8_t max_returns = 1;  ///< 1 .. kMaxReturns; 0 counts as 1
+};
+
+/// Most returns of one ping.
+inline constexpr int kMaxReturns = 3;
+
+/// A return behind the first.
+struct LaterReturn {
+  std::int64_t range_um;
+  std::uint8_t quality;
 };
 
 struct EchoDetection {
@@ -32,12 +42,19 @@ struct EchoDetection {
   std::uint32_t noise_sigma_q8;  ///< its spread
   std::uint32_t peak_q8;         ///< strongest bin of the echo, above the noise
   std::uint64_t energy_q8;       ///< of the echo, above the noise
+  /// Returns behind it, in the order of their ranges.
+  LaterReturn behind[kMaxReturns - 1];
+  std::uint8_t behind_count;
 };
 
 /// Finds the echo of one profile. Noise is median and median deviation of all bins in range. An echo is a
 /// run of bins whose smoothed intensity (1 2 1) stands over 3 sigma (gaps of two bins joined) and somewhere
-/// over 8; of several the nearest that has a quarter of the strongest one's energy. Its energy is summed
-/// from two bins before the run to two bins behind it.
+/// over 8; of several the nearest that has a quarter of the strongest one's energy, or a sixteenth where
+/// more than one return is wanted. Its energy is summed from two bins before the run to two bins behind it.
+///
+/// Behind the first a run is a return of its own where it has more energy than every one before it: what
+/// stood before it did not fill the beam. Weaker ones are the tail of the same surface, or multiples. Of more than
+/// max_returns the first ones and the strongest.
 ///
 /// Not found: no run, fewer than kMinProfileBins bins in range, or no intensities at all (null).
 /// O(bins * 32): the medians are searched bit by bit.

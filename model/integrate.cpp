@@ -668,7 +668,7 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
 // a candidate at its next event.
 void Model::check_saturation(std::uint32_t column) {
   const auto depth_cells = static_cast<std::uint32_t>(sensor_->scale.size[2]);
-  if (voxels_this_ping_ + depth_cells > bound_.total_voxels) {
+  if (voxels_this_ping_ + depth_cells > limit_voxels_) {
     return;
   }
   ColumnRecord& record = grid_.column(column);
@@ -821,9 +821,22 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
   work_.cone_voxels = voxels_this_ping_ - before;
 }
 
-PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor) {
+// The shell of one return, written into the voxels.
+ShellEvent Model::add_return(const base::Ping& ping, const BeamFrame& frame,
+                             const Sighting& sighting, std::uint32_t share_q8) {
+  prefetch_columns(frame, sighting);
+  const Slope slope = estimate_slope(frame, sighting);
+  ShellEvent event = make_shell(sensor_->scale, sensor_->table, frame, sighting, slope);
+  event.weight_q7 = (event.weight_q7 * min_of(share_q8, kWholeShare_q8)) >> 8U;
+  add_shell_event(event, static_cast<std::uint32_t>(ping.t_transmit_us / 100'000));
+  return event;
+}
+
+PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor,
+                            std::uint32_t share_q8) {
   voxels_this_ping_ = 0;
   work_ = PingWork{};
+  limit_voxels_ = bound_.total_voxels;
   if (!configured_ || sensor >= sensor_count_) {
     ++counters_.pings[static_cast<int>(PingResult::kNotConfigured)];
     return PingResult::kNotConfigured;
@@ -844,11 +857,7 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
         mul_shift(sensor_->config.detect_range_um, sensor_->scale.inverse_cell_q46, 30);
     carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), kNoReturn_q14);
   } else {
-    prefetch_columns(frame, sighting);
-    const Slope slope = estimate_slope(frame, sighting);
-    const ShellEvent event = make_shell(sensor_->scale, sensor_->table, frame, sighting, slope);
-    const auto now_ds = static_cast<std::uint32_t>(ping.t_transmit_us / 100'000);
-    add_shell_event(event, now_ds);
+    const ShellEvent event = add_return(ping, frame, sighting, share_q8);
     // At its far end the empty evidence is a fixed part of the shell's peak.
     const std::uint32_t peak_q15 = static_cast<std::uint32_t>(
         sensor_->table.kernel_q15[event.level][kKernelPhases / 2][kKernelCentre]);
@@ -858,6 +867,30 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
   counters_.voxel_updates += voxels_this_ping_;
   counters_.last_voxels_per_ping = voxels_this_ping_;
   counters_.max_voxels_per_ping = max_of(counters_.max_voxels_per_ping, voxels_this_ping_);
+  return result;
+}
+
+PingResult Model::integrate_behind(const base::Ping& ping, const base::Pose& pose,
+                                   std::size_t sensor, std::uint32_t share_q8) {
+  voxels_this_ping_ = 0;
+  limit_voxels_ = bound_.behind_voxels;
+  counters_.last_voxels_per_ping = 0;
+  if (!configured_ || sensor >= sensor_count_) {
+    return PingResult::kNotConfigured;
+  }
+  sensor_ = &sensors_[sensor];
+  Sighting sighting{};
+  const PingResult result = sight(ping, pose, sighting);
+  if (result != PingResult::kFused) {
+    return result;
+  }
+  ++ping_number_;
+  const BeamFrame frame =
+      beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32, ping.rotation_bam32);
+  static_cast<void>(add_return(ping, frame, sighting, share_q8));
+  ++counters_.behind_fused;
+  counters_.voxel_updates += voxels_this_ping_;
+  counters_.last_voxels_per_ping = voxels_this_ping_;
   return result;
 }
 

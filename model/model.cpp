@@ -163,7 +163,9 @@ base::Status Model::configure_sensors(const ModelConfig& config, const SensorCon
     }
     min_variance_q12 = min_of(min_variance_q12, sensors_[i].scale.min_variance_q12);
     const WorkBound bound = work_bound(sensors_[i].scale);
+    const std::uint32_t behind_voxels = max_of(bound_.behind_voxels, bound.behind_voxels);
     bound_ = bound.total_voxels > bound_.total_voxels ? bound : bound_;
+    bound_.behind_voxels = behind_voxels;
   }
   for (std::size_t i = 0; i < sensor_count; ++i) {
     sensors_[i].scale.min_variance_q12 = min_variance_q12;

@@ -44,6 +44,7 @@ struct ModelCounters {
   std::uint64_t column_extractions;  ///< columns read for the slope feedback
   std::uint64_t columns_rescaled;    ///< evidence halved because a voxel neared saturation
   std::uint64_t cones_cut;           ///< cones that met their budget before their end
+  std::uint64_t behind_fused;        ///< later returns of pings (integrate_behind)
   std::uint32_t max_voxels_per_ping;
   std::uint32_t last_voxels_per_ping;
 };
@@ -120,7 +121,17 @@ class Model {
   /// pose at the ping: lever arms applied).
   /// Bounded: at most bound().total_voxels voxels written, kSlopeColumns columns read. Never fails on
   /// data: what cannot be used is counted and reported.
-  PingResult integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor = 0);
+  /// `share_q8`, 0 .. kWholeShare_q8: how much of its evidence the ping's quality leaves.
+  PingResult integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor = 0,
+                       std::uint32_t share_q8 = kWholeShare_q8);
+
+  /// Merges a later return of the transmission that integrate() took last: `ping.range_um` is its range,
+  /// everything else is the same (DESIGN.md, section 10). Only its shell: what stands before it hides the way, so
+  /// nothing is said to be empty. Not a ping of its own in the counters.
+  /// Bounded: at most bound().behind_voxels voxels written, kSlopeColumns columns read. Results as of
+  /// integrate(); anything but kFused wrote nothing.
+  PingResult integrate_behind(const base::Ping& ping, const base::Pose& pose,
+                              std::size_t sensor = 0, std::uint32_t share_q8 = kWholeShare_q8);
 
   /// Depth, smoothing and uncertainty of every touched column: O(grid). Does not change the voxels or
   /// anything that later pings depend on.
@@ -147,6 +158,7 @@ class Model {
     return (grid_.column(grid_.column_index(n, e)).flags & kColumnMultiSurface) != 0;
   }
 
+  static constexpr std::uint32_t kWholeShare_q8 = 256;
   /// Columns that one ping reads for the slope of the bottom.
   static constexpr int kSlopeColumns = 9;
 
@@ -172,6 +184,8 @@ class Model {
   };
   template <bool kTwoAxis>
   RowTotals add_shell_row(const ShellEvent& event, const ShellContext& context, std::int32_t n);
+  [[nodiscard]] ShellEvent add_return(const base::Ping& ping, const BeamFrame& frame,
+                                      const Sighting& sighting, std::uint32_t share_q8);
   void add_shell_event(const ShellEvent& event, std::uint32_t now_ds);
   void check_saturation(std::uint32_t column);
   void add_empty(Voxel* voxels, std::int32_t count, std::uint32_t first, std::uint32_t strength_q7,
@@ -204,6 +218,7 @@ class Model {
   std::uint32_t ping_number_ = 0;
   std::uint32_t voxels_this_ping_ = 0;
   PingWork work_{};
+  std::uint32_t limit_voxels_ = 0;  // for them
   std::int64_t correlated_q12_[3] = {};  // cells^2
   std::int64_t registration_q12_ = 0;    // cells^2, see DESIGN.md
   Grid grid_;

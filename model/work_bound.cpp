@@ -112,8 +112,9 @@ WorkBound work_bound(const Scale& scale) {
     const std::uint32_t cone = cone_volume(scale, static_cast<std::int32_t>(range), longest_q10);
     const std::int64_t total = min_of(columns * taps + cone, north * east * depth);
     if (total > bound.total_voxels) {
-      bound = WorkBound{static_cast<std::uint32_t>(columns * taps), cone,
-                        static_cast<std::uint32_t>(total)};
+      bound.shell_voxels = static_cast<std::uint32_t>(columns * taps);
+      bound.cone_voxels = cone;
+      bound.total_voxels = static_cast<std::uint32_t>(total);
     }
   };
   // No shell: a ping without return.
@@ -134,6 +135,7 @@ WorkBound work_bound(const Scale& scale) {
                                         min_of(side, north) * min_of(2 * half, east));
     consider(columns, range_q10 - max_of<std::int64_t>(1448, (2 * half - 1) * 465), diagonal_q10);
   }
+  bound.behind_voxels = static_cast<std::uint32_t>(min_of(side, north) * min_of(side, east) * taps);
   return bound;
 }
 

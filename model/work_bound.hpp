@@ -12,6 +12,8 @@ struct WorkBound {
   std::uint32_t shell_voxels;  ///< columns times the taps of the widest kernel
   std::uint32_t cone_voxels;   ///< volume of the thickened cone inside the grid
   std::uint32_t total_voxels;  ///< W: their sum, at most the grid's cells
+  /// What each later return of a ping adds at most (Model::integrate_behind): the whole box of a shell.
+  std::uint32_t behind_voxels;
 };
 
 /// What one ping did: everything that its instructions go with.
