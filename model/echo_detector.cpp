@@ -12,9 +12,8 @@ constexpr std::int64_t kEdgeSigmas = 3;
 constexpr std::int64_t kPeakSigmas = 8;
 constexpr int kGap = 2;     // bins below the edge that do not yet end a run
 constexpr int kMargin = 2;  // bins around a run that belong to its energy
-// An echo counts from this part of the strongest one's energy on: as the only one, and as the first of more.
-constexpr std::int64_t kFirstShare = 4;
-constexpr std::int64_t kThinShare = 16;
+constexpr std::int64_t kFirstShare =
+    4;  // an echo counts from this part of the strongest one's energy on
 
 // Bins first .. last of a profile, and their noise.
 struct Window {
@@ -108,28 +107,38 @@ bool strong(const Window& window, const Run& run) {
 }
 
 // The returns of a profile: the nearest strong run that has its share of the strongest one's energy, and
-// runs behind it that outdo all before them. Returns how many.
-int choose_runs(const Window& window, int max_returns, Run chosen[kMaxReturns]) {
+// runs far enough behind it that outdo all before them. `origin` is the bin at range 0. Returns how many.
+int choose_runs(const Window& window, const EchoDetectorConfig& config, std::int64_t origin,
+                Run chosen[kMaxReturns], int& heard_bin) {
+  const int max_returns = base::clamp<int>(config.max_returns, 1, kMaxReturns);
   std::int64_t strongest_q8 = 0;
   Run run{};
   for (int from = window.first; next_run(window, from, run); from = run.last + 1) {
     if (strong(window, run)) {
+      heard_bin = strongest_q8 == 0 ? run.first : heard_bin;
       strongest_q8 = max_of(strongest_q8, run.energy_q8);
     }
   }
-  const std::int64_t share = max_returns > 1 ? kThinShare : kFirstShare;
   int count = 0;
   for (int from = window.first; strongest_q8 > 0 && next_run(window, from, run);
        from = run.last + 1) {
-    const bool enough = count == 0 ? share * run.energy_q8 >= strongest_q8
-                                   : run.energy_q8 > chosen[count - 1].energy_q8;
-    if (!strong(window, run) || !enough) {
+    if (!strong(window, run)) {
       continue;
+    }
+    if (count == 0 && kFirstShare * run.energy_q8 < strongest_q8) {
+      continue;
+    }
+    if (count > 0) {
+      const Run& before = chosen[count - 1];
+      const std::int64_t apart = ((before.first - origin) * config.apart_q16) >> 16;
+      if (run.energy_q8 <= before.energy_q8 || run.first - before.first < apart) {
+        continue;
+      }
     }
     // The last place is the strongest one's.
     count = min_of(count + 1, max_returns);
     chosen[count - 1] = run;
-    if (max_returns == 1 || run.energy_q8 == strongest_q8) {
+    if (max_returns == 1) {
       break;
     }
   }
@@ -207,14 +216,17 @@ EchoDetection detect_echo(const base::RangeProfile& profile, const EchoDetectorC
   detection.noise_q8 = static_cast<std::uint32_t>(window.noise_q8);
   detection.noise_sigma_q8 = static_cast<std::uint32_t>(window.sigma_q8);
   Run runs[kMaxReturns] = {};
-  const int max_returns = base::clamp<int>(config.max_returns, 1, kMaxReturns);
-  const int count = choose_runs(window, max_returns, runs);
+  const std::int64_t origin =
+      -profile.first_bin_um / static_cast<std::int64_t>(max_of<std::uint32_t>(profile.bin_um, 1));
+  int heard_bin = 0;
+  const int count = choose_runs(window, config, origin, runs, heard_bin);
   if (count == 0) {
     return detection;
   }
   const Arrival first = arrival_of(profile, window, runs[0], config.detection_fraction_q16);
   detection.range_um = first.range_um;
   detection.found = true;
+  detection.clear_um = profile.first_bin_um + static_cast<std::int64_t>(profile.bin_um) * heard_bin;
   detection.quality = quality_of(window, runs[0]);
   detection.peak_q8 = static_cast<std::uint32_t>(runs[0].peak_q8);
   detection.energy_q8 = static_cast<std::uint64_t>(first.energy_q8);

@@ -19,9 +19,12 @@ inline constexpr int kMinProfileBins = 8;
 struct EchoDetectorConfig {
   /// LocalizationTable::detection_fraction_q16 of the head's table; 0 counts as 1.
   std::uint16_t detection_fraction_q16;
-  std::int64_t min_range_um;  ///< bins centred nearer are blanked: ring-down
-  std::int64_t max_range_um;  ///< bins centred farther are left out
+  std::int64_t min_range_um;     ///< bins centred nearer are blanked: ring-down
+  std::int64_t max_range_um;     ///< bins centred farther are left out
   std::uint8_t max_returns = 1;  ///< 1 .. kMaxReturns; 0 counts as 1
+  /// A return stands at least this part of the range behind the one before it: what is nearer may be
+  /// another part of the same surface.
+  std::uint32_t apart_q16 = 0;
 };
 
 /// Most returns of one ping.
@@ -42,6 +45,8 @@ struct EchoDetection {
   std::uint32_t noise_sigma_q8;  ///< its spread
   std::uint32_t peak_q8;         ///< strongest bin of the echo, above the noise
   std::uint64_t energy_q8;       ///< of the echo, above the noise
+  /// Where the first run begins that stands over 8 sigma somewhere, be it too weak for a return.
+  std::int64_t clear_um;
   /// Returns behind it, in the order of their ranges.
   LaterReturn behind[kMaxReturns - 1];
   std::uint8_t behind_count;
@@ -49,12 +54,12 @@ struct EchoDetection {
 
 /// Finds the echo of one profile. Noise is median and median deviation of all bins in range. An echo is a
 /// run of bins whose smoothed intensity (1 2 1) stands over 3 sigma (gaps of two bins joined) and somewhere
-/// over 8; of several the nearest that has a quarter of the strongest one's energy, or a sixteenth where
-/// more than one return is wanted. Its energy is summed from two bins before the run to two bins behind it.
+/// over 8; of several the nearest that has a quarter of the strongest one's energy. Its energy is summed
+/// from two bins before the run to two bins behind it.
 ///
-/// Behind the first a run is a return of its own where it has more energy than every one before it: what
-/// stood before it did not fill the beam. Weaker ones are the tail of the same surface, or multiples. Of more than
-/// max_returns the first ones and the strongest.
+/// Behind it a run is a return of its own where it stands far enough from the one before and has more energy:
+/// what stood before it did not fill the beam. Weaker ones are the tail of the same surface, or multiples.
+/// Of more than max_returns the first ones and the last, which is the strongest.
 ///
 /// Not found: no run, fewer than kMinProfileBins bins in range, or no intensities at all (null).
 /// O(bins * 32): the medians are searched bit by bit.

@@ -833,7 +833,7 @@ ShellEvent Model::add_return(const base::Ping& ping, const BeamFrame& frame,
 }
 
 PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor,
-                            std::uint32_t share_q8) {
+                            const ReturnDetail& detail) {
   voxels_this_ping_ = 0;
   work_ = PingWork{};
   limit_voxels_ = bound_.total_voxels;
@@ -857,11 +857,15 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
         mul_shift(sensor_->config.detect_range_um, sensor_->scale.inverse_cell_q46, 30);
     carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), kNoReturn_q14);
   } else {
-    const ShellEvent event = add_return(ping, frame, sighting, share_q8);
+    const ShellEvent event = add_return(ping, frame, sighting, detail.share_q8);
     // At its far end the empty evidence is a fixed part of the shell's peak.
     const std::uint32_t peak_q15 = static_cast<std::uint32_t>(
         sensor_->table.kernel_q15[event.level][kKernelPhases / 2][kKernelCentre]);
-    carve(frame, sighting, &event, event.empty_range_q10,
+    const std::int64_t clear_q10 =
+        mul_shift(clamp<std::int64_t>(detail.clear_um, 0, sensor_->config.max_range_um),
+                  sensor_->scale.inverse_cell_q46, 36);
+    carve(frame, sighting, &event,
+          static_cast<std::int32_t>(min_of<std::int64_t>(event.empty_range_q10, clear_q10)),
           (event.weight_q7 * peak_q15) >> (8U + kEmptyShift));
   }
   counters_.voxel_updates += voxels_this_ping_;
@@ -871,7 +875,7 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
 }
 
 PingResult Model::integrate_behind(const base::Ping& ping, const base::Pose& pose,
-                                   std::size_t sensor, std::uint32_t share_q8) {
+                                   std::size_t sensor, const ReturnDetail& detail) {
   voxels_this_ping_ = 0;
   limit_voxels_ = bound_.behind_voxels;
   counters_.last_voxels_per_ping = 0;
@@ -887,7 +891,7 @@ PingResult Model::integrate_behind(const base::Ping& ping, const base::Pose& pos
   ++ping_number_;
   const BeamFrame frame =
       beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32, ping.rotation_bam32);
-  static_cast<void>(add_return(ping, frame, sighting, share_q8));
+  static_cast<void>(add_return(ping, frame, sighting, detail.share_q8));
   ++counters_.behind_fused;
   counters_.voxel_updates += voxels_this_ping_;
   counters_.last_voxels_per_ping = voxels_this_ping_;

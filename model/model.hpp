@@ -75,6 +75,16 @@ struct SensorConfig {
       detect_range_um;  ///< NoReturnPolicy::kEmpty: where a target would have been detected
 };
 
+inline constexpr std::uint32_t kWholeShare_q8 = 256;
+
+/// What is known of a return beside its range.
+struct ReturnDetail {
+  std::uint32_t share_q8 =
+      kWholeShare_q8;  ///< of its evidence that its quality leaves, 0 .. kWholeShare_q8
+  /// Something was heard from here on, however faint: the way is free only so far, and not to the return.
+  std::int64_t clear_um = base::kMaxRange_um;
+};
+
 /// What follows from a checked configuration, a checked table and the longest range, but the unit of evidence:
 /// enough for work_bound(). O(1).
 [[nodiscard]] Scale sensor_scale(const ModelConfig& config, const LocalizationTable& table,
@@ -121,9 +131,8 @@ class Model {
   /// pose at the ping: lever arms applied).
   /// Bounded: at most bound().total_voxels voxels written, kSlopeColumns columns read. Never fails on
   /// data: what cannot be used is counted and reported.
-  /// `share_q8`, 0 .. kWholeShare_q8: how much of its evidence the ping's quality leaves.
   PingResult integrate(const base::Ping& ping, const base::Pose& pose, std::size_t sensor = 0,
-                       std::uint32_t share_q8 = kWholeShare_q8);
+                       const ReturnDetail& detail = {});
 
   /// Merges a later return of the transmission that integrate() took last: `ping.range_um` is its range,
   /// everything else is the same (DESIGN.md, section 10). Only its shell: what stands before it hides the way, so
@@ -131,7 +140,7 @@ class Model {
   /// Bounded: at most bound().behind_voxels voxels written, kSlopeColumns columns read. Results as of
   /// integrate(); anything but kFused wrote nothing.
   PingResult integrate_behind(const base::Ping& ping, const base::Pose& pose,
-                              std::size_t sensor = 0, std::uint32_t share_q8 = kWholeShare_q8);
+                              std::size_t sensor = 0, const ReturnDetail& detail = {});
 
   /// Depth, smoothing and uncertainty of every touched column: O(grid). Does not change the voxels or
   /// anything that later pings depend on.
@@ -158,7 +167,6 @@ class Model {
     return (grid_.column(grid_.column_index(n, e)).flags & kColumnMultiSurface) != 0;
   }
 
-  static constexpr std::uint32_t kWholeShare_q8 = 256;
   /// Columns that one ping reads for the slope of the bottom.
   static constexpr int kSlopeColumns = 9;
 

@@ -6,6 +6,7 @@
 
 #include "firmware/config/text.hpp"
 #include "firmware/pipeline/driver_codecs.hpp"
+#include "model/echo_detector.hpp"
 
 namespace leadline::host {
 namespace {
@@ -90,7 +91,7 @@ struct NumberKey {
   DriverSet drivers;
 };
 
-constexpr std::array<NumberKey, 15> kNumberKeys{{
+constexpr std::array<NumberKey, 17> kNumberKeys{{
     {"latency_ms", &PortConfig::latency_us, -1000, 10'000, 1e3, 0, kEvery},
     {"byte_time_ns", &PortConfig::byte_time_ns, 0, 100'000'000, 1, 0, kEvery},
     {"interval_ms", &PortConfig::ping_interval_us, 0, 60'000, 1e3, 0, kSilent},
@@ -107,6 +108,8 @@ constexpr std::array<NumberKey, 15> kNumberKeys{{
     {"address", &PortConfig::address, 0, 255, 1, 0,
      kAsked | of(Driver::kKeller, Driver::kNmea2000, Driver::kMavlink)},
     {"intensity_step_db", &PortConfig::intensity_step_mdb, 0.001, 6, 1e3, 0, kProfiles},
+    {"max_returns", &PortConfig::max_returns, 1, model::kMaxReturns, 1, 0, kProfiles},
+    {"quality_weight_percent", &PortConfig::quality_weight_percent, 0, 100, 1, 0, kHeads},
 }};
 
 /// A bit of PortConfig::switches.
@@ -260,6 +263,7 @@ void set_port_defaults(const hal::UriSpec& uri, PortConfig* port) {
   }
   port->ping_interval_us = contains(kAsked, port->driver) ? 100'000 : 0;
   port->intensity_step_mdb = contains(kProfiles, port->driver) ? kUsualStep_mdb : 0;
+  port->max_returns = contains(kProfiles, port->driver) ? 1 : 0;
   if (contains(kScanners, port->driver)) {
     port->ping_interval_us = 0;
     port->scan_last_grad = 399;

@@ -559,10 +559,15 @@ void set_default_budget(const std::vector<model::LocalizationTable>& tables, Veh
     return;
   }
   const model::ModelConfig& config = file->config.model;
+  std::uint64_t later = 0;
+  for (const firmware::PortConfig& port : file->config.ports) {
+    later = std::max(later, static_cast<std::uint64_t>(std::max(port.max_returns, 1) - 1));
+  }
   std::uint64_t ping_voxels = 0;
   for (const model::LocalizationTable& table : tables) {
     const model::Scale scale = model::sensor_scale(config, table, config.max_range_um);
-    ping_voxels = std::max<std::uint64_t>(ping_voxels, model::work_bound(scale).total_voxels);
+    const model::WorkBound bound = model::work_bound(scale);
+    ping_voxels = std::max(ping_voxels, bound.total_voxels + later * bound.behind_voxels);
   }
   file->config.cycle_voxel_budget = static_cast<std::uint32_t>(
       std::min<std::uint64_t>(kDefaultBudget_pings * ping_voxels, kMostBudget_voxels));

@@ -50,6 +50,7 @@ std::vector<Figure> work_figures(const VehicleFile& file, const firmware::Vehicl
       {"ping_voxels", bound.total_voxels, "voxels that one ping can write"},
       {"ping_shell_voxels", bound.shell_voxels, "of them in the shell"},
       {"ping_cone_voxels", bound.cone_voxels, "of them in the empty cone"},
+      {"behind_voxels", bound.behind_voxels, "that each return behind its first adds at most"},
       {"cycle_voxels", vehicle.cycle_bound_voxels(), "voxels that one cycle can write"},
       {"cycle_tiles", file.config.cycle_tile_budget, "tiles extracted in one cycle"},
       {"cycle_input_bytes", firmware::kMaxCycleBytes, "bytes taken in one cycle"},

@@ -12,7 +12,7 @@
 
 namespace leadline::firmware {
 
-inline constexpr std::uint16_t kVehicleConfigSchemaVersion = 1;
+inline constexpr std::uint16_t kVehicleConfigSchemaVersion = 2;
 inline constexpr int kMaxPorts = 8;   ///< device ports, the link not counted
 inline constexpr int kMaxMounts = 8;  ///< of sonar heads and sensors
 /// PortConfig::mount of a sensor at the reference point, in the body's axes.
@@ -72,6 +72,11 @@ struct PortConfig {
   std::int32_t byte_time_ns;  ///< of one byte on the line, 0 .. 100'000'000; 0: in the latency
   IntensityScale intensity_scale;
   std::int32_t intensity_step_mdb;  ///< kDecibel: 1 .. 6000
+  /// From schema version 2 on. Returns of one profile that are mapped, up to model::kMaxReturns; 0 is 1: the
+  /// first.
+  std::int32_t max_returns;
+  /// How much the evidence of a ping goes with its quality: 0 not at all, 100 in proportion.
+  std::int32_t quality_weight_percent;
 };
 
 /// Where a head or sensor sits and how it looks: body frame FRD from the reference point.

@@ -176,6 +176,31 @@ void walk(Visit& visit, VehicleConfig& config) {
   walk_array(visit, config.vertical_datum);
 }
 
+// What version 2 added, behind everything of version 1. Absent fields of a blob of version 1 are 0, which means
+// what version 1 did.
+template <typename Visit>
+void walk_added_2(Visit& visit, VehicleConfig& config) {
+  for (PortConfig& port : config.ports) {
+    visit(port.max_returns);
+    visit(port.quality_weight_percent);
+  }
+}
+
+template <typename Visit>
+void walk_version(Visit& visit, VehicleConfig& config, std::uint16_t version) {
+  walk(visit, config);
+  if (version >= 2) {
+    walk_added_2(visit, config);
+  }
+}
+
+std::size_t blob_bytes(std::uint16_t version) {
+  Counter counter;
+  VehicleConfig config{};
+  walk_version(counter, config, version);
+  return kHeader_bytes + counter.size;
+}
+
 bool known_enumerators(const VehicleConfig& config) {
   for (const PortConfig& port : config.ports) {
     if (port.driver != Driver::kNone && driver_info(port.driver) == nullptr) {
@@ -191,12 +216,7 @@ bool known_enumerators(const VehicleConfig& config) {
 
 }  // namespace
 
-std::size_t config_blob_bytes() {
-  Counter counter;
-  VehicleConfig config{};
-  walk(counter, config);
-  return kHeader_bytes + counter.size;
-}
+std::size_t config_blob_bytes() { return blob_bytes(kVehicleConfigSchemaVersion); }
 
 Result<std::size_t> encode_config(const VehicleConfig& config, std::uint8_t* out,
                                   std::size_t capacity_bytes) {
@@ -206,7 +226,7 @@ Result<std::size_t> encode_config(const VehicleConfig& config, std::uint8_t* out
   }
   VehicleConfig copy = config;  // walk() serves reading as well, so it takes no const
   Writer body{out + kHeader_bytes};
-  walk(body, copy);
+  walk_version(body, copy, kVehicleConfigSchemaVersion);
   std::uint32_t magic = kMagic;
   std::uint16_t version = kVehicleConfigSchemaVersion;
   std::uint16_t reserved = 0;
@@ -239,13 +259,13 @@ Result<VehicleConfig> decode_config(const std::uint8_t* blob, std::size_t size_b
   if (magic != kMagic) {
     return Status::kInvalidArgument;
   }
-  if (version != kVehicleConfigSchemaVersion) {
+  if (version < 1 || version > kVehicleConfigSchemaVersion) {
     return Status::kBadVersion;
   }
   if (size_bytes < stated_bytes) {
     return Status::kTruncated;
   }
-  if (size_bytes != stated_bytes || stated_bytes != config_blob_bytes()) {
+  if (size_bytes != stated_bytes || stated_bytes != blob_bytes(version)) {
     return Status::kInvalidArgument;
   }
   if (base::crc32c(blob + kHeader_bytes, size_bytes - kHeader_bytes) != crc) {
@@ -253,7 +273,10 @@ Result<VehicleConfig> decode_config(const std::uint8_t* blob, std::size_t size_b
   }
   VehicleConfig config{};
   Reader body{blob + kHeader_bytes};
-  walk(body, config);
+  walk_version(body, config, version);
+  if (version < kVehicleConfigSchemaVersion) {
+    config.schema_version = kVehicleConfigSchemaVersion;
+  }
   if (!known_enumerators(config)) {
     return Status::kOutOfRange;
   }

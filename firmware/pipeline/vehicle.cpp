@@ -49,7 +49,9 @@ bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
   if ((port.driver != Driver::kNone && !driver_enabled(port.driver)) ||
       !within(port.latency_us, -10'000'000, 10'000'000) ||
       !within(port.byte_time_ns, 0, 100'000'000) ||
-      !within(port.intensity_step_mdb, 0, kLargestStep_mdb)) {
+      !within(port.intensity_step_mdb, 0, kLargestStep_mdb) ||
+      !within(port.max_returns, 0, model::kMaxReturns) ||
+      !within(port.quality_weight_percent, 0, 100)) {
     return false;
   }
   if (!is_head(port.driver)) {
@@ -70,6 +72,12 @@ bool mount_sound(const MountConfig& mount) {
   return std::all_of(
       std::begin(mount.lever_arm_mm), std::end(mount.lever_arm_mm),
       [](std::int32_t arm_mm) { return within(arm_mm, -kLongestLever_mm, kLongestLever_mm); });
+}
+
+// Share of its evidence that a ping of this quality keeps.
+std::uint32_t quality_share_q8(std::uint8_t quality, std::int32_t percent) {
+  const std::int32_t lost_q8 = (255 - std::int32_t{quality}) * percent * 256 / 25'500;
+  return static_cast<std::uint32_t>(256 - lost_q8);
 }
 
 // Fields that the rest relies on; codecs are trusted with the rest.
@@ -222,6 +230,7 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
 }
 
 void Vehicle::configure_ports() {
+  ping_bound_ = model_.bound().total_voxels;
   for (int i = 0; i < kMaxPorts; ++i) {
     PortConfig port = config_.ports[i];
     if (i >= config_.port_count) {
@@ -233,9 +242,16 @@ void Vehicle::configure_ports() {
     if (!is_head(port.driver)) {
       continue;  // and may have no mount
     }
+    const model::LocalizationTable& table = model_.table(config_.mounts[port.mount].table);
+    // A surface of 45 degrees fills the beam from its first return to tan(envelope) of the range behind it.
+    const std::uint32_t envelope_q24 =
+        max_of(table.tan_envelope_along_q24, table.tan_envelope_across_q24);
     detector_[i] = model::EchoDetectorConfig{
-        model_.table(config_.mounts[port.mount].table).detection_fraction_q16, port.min_range_um,
-        port.max_range_um};
+        table.detection_fraction_q16, port.min_range_um, port.max_range_um,
+        static_cast<std::uint8_t>(max_of(port.max_returns, 1)), envelope_q24 >> 8U};
+    const std::uint32_t later = detector_[i].max_returns - 1U;
+    ping_bound_ =
+        max_of(ping_bound_, model_.bound().total_voxels + later * model_.bound().behind_voxels);
   }
 }
 
@@ -423,13 +439,15 @@ void Vehicle::make_ready() {
   }
   has_ready_ = true;
   ready_ = pending_.front();
+  behind_count_ = 0;
+  clear_um_ = base::kMaxRange_um;
   if (ready_.kind == ReturnKind::kProfile) {
     find_echo();
   }
   autopilot_.take(ready_);
 }
 
-// The profile of the ready ping becomes its first return, or none.
+// The profile of the ready ping becomes its first return, or none; what is behind it is kept.
 void Vehicle::find_echo() {
   const std::size_t port = port_of_head(ready_.mount);
   base::RangeProfile profile = ready_.profile;
@@ -449,6 +467,9 @@ void Vehicle::find_echo() {
   ready_.kind = ReturnKind::kRange;
   ready_.range_um = echo.range_um;
   ready_.quality = echo.quality;
+  behind_count_ = echo.behind_count;
+  clear_um_ = detector_[port].max_returns > 1 ? echo.clear_um : base::kMaxRange_um;
+  std::copy(std::begin(echo.behind), std::end(echo.behind), std::begin(behind_));
   // Two ways at the speed of sound: um / (mm/s) = ms.
   const TimeUs travel_us = 2 * echo.range_um * 1000 / config_.sound_speed_mm_s;
   ready_.t_receive_us = ready_.t_transmit_us + max_of<TimeUs>(travel_us, 0);
@@ -515,34 +536,51 @@ void Vehicle::keep_mapped(const Pose& pose) {
 }
 
 std::uint32_t Vehicle::cycle_bound_voxels() const {
-  const std::uint32_t ping = model_.bound().total_voxels;
   if (config_.cycle_voxel_budget != 0) {
-    return max_of(config_.cycle_voxel_budget, ping);
+    return max_of(config_.cycle_voxel_budget, ping_bound_);
   }
-  const std::uint64_t queue = std::uint64_t{ping} * PingQueue::kCapacity_count;
+  const std::uint64_t queue = std::uint64_t{ping_bound_} * PingQueue::kCapacity_count;
   return static_cast<std::uint32_t>(min_of<std::uint64_t>(queue, UINT32_MAX));
+}
+
+// The ready ping with all its returns, seen from `head`. Each return goes its own way through the water.
+void Vehicle::map_ready(const Pose& head, std::uint32_t& written) {
+  const std::uint8_t sensor = config_.mounts[ready_.mount].table;
+  const std::int32_t percent = config_.ports[port_of_head(ready_.mount)].quality_weight_percent;
+  static_cast<void>(model_.integrate(ready_, head, sensor,
+                                     {quality_share_q8(ready_.quality, percent), clear_um_}));
+  written += model_.counters().last_voxels_per_ping;
+  keep_mapped(head);
+  for (int i = 0; i < behind_count_; ++i) {
+    PingLoss ignored{};
+    ready_ = unbent_;
+    ready_.range_um = behind_[i].range_um;
+    if (straightened(head, ignored)) {
+      static_cast<void>(model_.integrate_behind(ready_, head, sensor,
+                                                {quality_share_q8(behind_[i].quality, percent)}));
+      written += model_.counters().last_voxels_per_ping;
+    }
+  }
 }
 
 void Vehicle::map_pings() {
   std::uint32_t written = 0;
-  const std::uint32_t bound = model_.bound().total_voxels;
   bool any = false;
   mapped_count_ = 0;
   while (!pending_.empty()) {
     // One ping goes through whatever the budget is, or nothing ever would.
     if (any && config_.cycle_voxel_budget != 0 &&
-        static_cast<std::uint64_t>(written) + bound > config_.cycle_voxel_budget) {
+        static_cast<std::uint64_t>(written) + ping_bound_ > config_.cycle_voxel_budget) {
       break;
     }
     make_ready();
     Pose pose{};
     PingLoss loss = PingLoss::kNoPose;
     bool wait = false;
+    unbent_ = ready_;
     if (pose_for(ready_, pose, loss, wait) && straightened(pose, loss)) {
-      static_cast<void>(model_.integrate(ready_, pose, config_.mounts[ready_.mount].table));
-      keep_mapped(pose);
+      map_ready(pose, written);
       ++counters_.pings_mapped;
-      written += model_.counters().last_voxels_per_ping;
       any = true;
       watch_.paused = false;
     } else if (wait) {

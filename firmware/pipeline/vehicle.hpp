@@ -233,6 +233,7 @@ class Vehicle {
   void map_pings();
   void make_ready();
   void find_echo();
+  void map_ready(const base::Pose& head, std::uint32_t& written);
   [[nodiscard]] bool pose_for(const base::Ping& ping, base::Pose& pose, PingLoss& loss,
                               bool& wait) const;
   [[nodiscard]] bool straightened(const base::Pose& head, PingLoss& loss);
@@ -274,8 +275,13 @@ class Vehicle {
   SoundPath sound_path_;
   AutopilotFeed autopilot_;
   PingQueue pending_;
-  base::Ping ready_{};  ///< the oldest pending ping, its echo detected
+  base::Ping ready_{};   ///< the oldest pending ping, its echo detected
+  base::Ping unbent_{};  ///< the same before its way through the water was made straight
   bool has_ready_ = false;
+  model::LaterReturn behind_[model::kMaxReturns - 1] = {};  ///< its returns behind the first
+  int behind_count_ = 0;
+  std::int64_t clear_um_ = base::kMaxRange_um;  ///< up to where the ready ping heard nothing
+  std::uint32_t ping_bound_ = 0;                ///< voxels of one ping with all its returns
   std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
   std::size_t mapped_count_ = 0;

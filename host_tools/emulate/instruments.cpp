@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "host_tools/sim/exact_math.hpp"
 
@@ -18,6 +19,7 @@ enum Stream : std::uint64_t {
   kEastDriftStream = 6,
   kMisalignmentStream = 7,
   kHeadStreams = 16,
+  kFishStreams = 1024,  // one a head
 };
 
 constexpr std::size_t kRays = 300;
@@ -74,6 +76,7 @@ Sounder::Sounder(const Terrain& ground, const Trajectory& trajectory, const Miss
       outlier_(mission.seed, head_stream(number, 1)),
       dropout_(mission.seed, head_stream(number, 2)),
       noise_(mission.seed, head_stream(number, 3)),
+      fish_(mission.seed, kFishStreams + static_cast<std::uint64_t>(number)),
       misalignment_rad_(misalignment_rad(mission, number)) {}
 
 Heard Sounder::ping(std::int64_t time_us, double azimuth_deg, TouchedMask* touched) {
@@ -103,6 +106,9 @@ Heard Sounder::ping(std::int64_t time_us, double azimuth_deg, TouchedMask* touch
   const bool outlier = outlier_.uniform() < mission_.errors.outlier_fraction;
   const double outlier_share = outlier_.uniform();
   const bool dropout = dropout_.uniform() < mission_.errors.dropout_fraction;
+  const bool fish = fish_.uniform() < mission_.errors.fish_fraction;
+  const double fish_way = fish_.uniform();
+  const double fish_share = fish_.uniform(0.1, 1.0);
   hit_ = true_range_m.has_value();
   last_ = Heard{};
   if (!hit_) {
@@ -115,6 +121,12 @@ Heard Sounder::ping(std::int64_t time_us, double azimuth_deg, TouchedMask* touch
     last_.range_m = outlier_share * *true_range_m;
   } else {
     last_.range_m = std::max(0.0, *true_range_m + error_m);
+    if (fish) {
+      constexpr double kReported = 0.5;
+      last_.fish_m = fish_way * *true_range_m;
+      last_.fish_share = fish_share;
+      last_.range_m = fish_share >= kReported ? last_.fish_m : last_.range_m;
+    }
   }
   return last_;
 }
@@ -133,6 +145,9 @@ void Sounder::profile(double start_m, double length_m, std::vector<std::uint8_t>
   } else if (hit_ && !last_.dropout) {
     for (const EchoModel::Arrival& arrival : echo_.arrivals()) {
       add((arrival.bin + 0.5) * echo_.spec().range_bin_m, arrival.weight);
+    }
+    if (last_.fish_m) {
+      add(*last_.fish_m, last_.fish_share * std::accumulate(energy.begin(), energy.end(), 0.0));
     }
   }
   const double strongest = *std::max_element(energy.begin(), energy.end());

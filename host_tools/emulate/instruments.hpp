@@ -35,6 +35,8 @@ struct Heard {
   std::optional<double> range_m;  ///< slant range with its error; unset: nothing
   bool outlier = false;
   bool dropout = false;
+  std::optional<double> fish_m;  ///< slant range of a fish that was heard before the ground
+  double fish_share = 0.0;       ///< its part of the ground's energy
 };
 
 /// One sonar head over a ground. Times are of the survey; 0 = it sets out.
@@ -49,8 +51,8 @@ class Sounder {
   Heard ping(std::int64_t time_us, double azimuth_deg, TouchedMask* touched);
 
   /// The echo of the last ping() over `length_m` from `start_m`, in `samples.size()` equal bins: 8 bit,
-  /// the strongest at 220 over a floor of noise. An outlier is a short echo of its own, a dropout
-  /// leaves the noise.
+  /// the strongest at 220 over a floor of noise. An outlier is a short echo of its own, a fish one beside
+  /// the ground's, a dropout leaves the noise.
   void profile(double start_m, double length_m, std::vector<std::uint8_t>* samples);
 
  private:
@@ -62,6 +64,7 @@ class Sounder {
   Random outlier_;
   Random dropout_;
   Random noise_;
+  Random fish_;
   Vec3 misalignment_rad_;  ///< about the head's forward and right axes
   Heard last_;
   bool hit_ = false;  ///< the last ping met ground, whatever was made of it

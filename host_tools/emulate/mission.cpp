@@ -152,6 +152,12 @@ void add_heads(Settings* settings) {
   settings->flag(
       "profile", "true: heads send whole echoes and the vehicle detects",
       [](auto& m) -> auto& { return m.profile; });
+  settings->count(
+      "max_returns", "of a profile that the vehicle maps, 1 .. 3",
+      [](auto& m) -> auto& { return m.max_returns; });
+  settings->count(
+      "quality_weight_percent", "how much a ping's evidence goes with its quality, 0 .. 100",
+      [](auto& m) -> auto& { return m.quality_weight_percent; });
   settings->decimal(
       "sound_speed_m_s", "of the water", [](auto& m) -> auto& { return m.sound_speed_m_s; });
   settings->decimal(
@@ -160,6 +166,9 @@ void add_heads(Settings* settings) {
   settings->decimal(
       "outlier_fraction", "echoes of something short of the ground, 0 .. 1",
       [](auto& m) -> auto& { return m.errors.outlier_fraction; });
+  settings->decimal(
+      "fish_fraction", "fish before the ground, which is heard behind them, 0 .. 1",
+      [](auto& m) -> auto& { return m.errors.fish_fraction; });
   settings->decimal(
       "dropout_fraction", "echoes not heard, 0 .. 1",
       [](auto& m) -> auto& { return m.errors.dropout_fraction; });
@@ -250,8 +259,13 @@ void check(const Mission& mission) {
   check_sigma("sigma_range_m", errors.sigma_range_m);
   check_share("outlier_fraction", errors.outlier_fraction);
   check_share("dropout_fraction", errors.dropout_fraction);
+  check_share("fish_fraction", errors.fish_fraction);
   require(errors.misalignment_deg >= 0.0 && errors.misalignment_deg <= 10.0, "misalignment_deg",
           errors.misalignment_deg, "0 .. 10");
+  require(mission.max_returns >= 1 && mission.max_returns <= 3, "max_returns",
+          static_cast<double>(mission.max_returns), "1 .. 3");
+  require(mission.quality_weight_percent <= 100, "quality_weight_percent",
+          static_cast<double>(mission.quality_weight_percent), "0 .. 100");
   const NavigationSpec& nav = mission.navigation;
   require(nav.attitude_rate_hz >= 1.0 && nav.attitude_rate_hz <= 100.0, "attitude_rate_hz",
           nav.attitude_rate_hz, "1 .. 100");

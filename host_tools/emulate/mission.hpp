@@ -37,7 +37,11 @@ struct HeadErrors {
   double sigma_range_m = 0.04;
   double outlier_fraction = 0.002;  ///< echoes of something between the head and the ground
   double dropout_fraction = 0.02;   ///< echoes that are not heard
-  double misalignment_deg = 0.15;   ///< of every head about two axes, constant over the survey
+  /// Pings with a fish before the ground that lets the sound through: an echo of a tenth to all of the ground's
+  /// energy, uniformly; the ground is heard behind it. A head that detects by itself reports the fish
+  /// from half of that energy on.
+  double fish_fraction = 0.0;
+  double misalignment_deg = 0.15;  ///< of every head about two axes, constant over the survey
 };
 
 /// Rates and errors of the navigation sensors.
@@ -75,10 +79,12 @@ struct Mission {
   HeadErrors errors;
   NavigationSpec navigation;
   WireFaults faults;
-  double sound_speed_m_s = 1500.0;  ///< of the water: the devices believe in their own 1500
-  bool profile = false;             ///< heads send whole echoes, the vehicle detects
-  double start_s = 3.0;             ///< the devices run this long before the vehicle sets out
-  double settle_s = 12.0;           ///< after the survey the heads are off and the link catches up
+  double sound_speed_m_s = 1500.0;         ///< of the water: the devices believe in their own 1500
+  bool profile = false;                    ///< heads send whole echoes, the vehicle detects
+  std::size_t max_returns = 1;             ///< of a profile that the vehicle maps; 1 .. 3
+  std::size_t quality_weight_percent = 0;  ///< 0 .. 100
+  double start_s = 3.0;    ///< the devices run this long before the vehicle sets out
+  double settle_s = 12.0;  ///< after the survey the heads are off and the link catches up
   /// Slower than the map changes: changes wait, and go out many to a packet.
   std::uint32_t link_rate_bytes_s = 200;
   double link_max_tile_age_s = 1.5;

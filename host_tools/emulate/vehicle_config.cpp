@@ -85,6 +85,11 @@ std::string mount_text(const HeadSpec& head) {
          number_text(sight.heading_deg) + "]\ntable = " + quoted(table_name(head.kind)) + "\n";
 }
 
+std::string returns_text(const Mission& mission) {
+  return "max_returns = " + std::to_string(mission.max_returns) +
+         "\nquality_weight_percent = " + std::to_string(mission.quality_weight_percent) + "\n";
+}
+
 std::string head_port_text(const Mission& mission, const HeadSpec& head, const std::string& uri) {
   std::string text =
       "[[port]]\nuri = " + quoted(uri) + "\nmount = " + quoted(head.name) +
@@ -97,11 +102,12 @@ std::string head_port_text(const Mission& mission, const HeadSpec& head, const s
   if (head.kind == HeadKind::kPing1d) {
     text += "driver = \"ping1d\"\n";
     text += mission.profile ? "profile = true\n" : "";
-    return text;
+    return text + returns_text(mission);
   }
   // A sector of 120 degrees about straight down.
   return text +
-         "driver = \"ping360\"\nscan_first_grad = 134\nscan_last_grad = 266\nscan_step_grad = 2\n";
+         "driver = \"ping360\"\nscan_first_grad = 134\nscan_last_grad = 266\nscan_step_grad = 2\n" +
+         returns_text(mission);
 }
 
 std::string nmea_port_text(const std::string& uri, std::int64_t latency_us, int bytes) {

@@ -127,6 +127,25 @@ class Simulate(Chain):
         self.assert_no_results()
 
 
+class Returns(Case):
+    def test_returns_behind_fish_are_mapped_and_replayed(self):
+        found = {}
+        for returns in (1, 3):
+            out = self.dir / f"flight{returns}"
+            self.expect(self.run_leadline(
+                "simulate", *SMALL, "--set", "profile=true", "--set", "fish_fraction=0.5", "--set",
+                f"max_returns={returns}", "--set", "quality_weight_percent=50", "--out", out), OK)
+            self.assertIn(f"max_returns = {returns}\n", (out / "vehicle.toml").read_text())
+            replay = self.expect(self.run_leadline("replay", out / "survey.lll", "--json"), OK)
+            found[returns] = json.loads(replay.stdout)
+            self.assertIs(found[returns]["same_as_flight"], True)
+        # The same pings, of which more is in the map.
+        self.assertEqual(found[1]["pings_fused"], found[3]["pings_fused"])
+        self.assertNotEqual(found[1]["map_hash"], found[3]["map_hash"])
+        self.expect(self.run_leadline("simulate", "--set", "max_returns=4", "--out", self.out), USAGE,
+                    "max_returns")
+
+
 class Replay(Chain):
     def test_says_the_hashes_and_writes_a_map(self):
         done = self.expect(self.run_leadline("replay", self.flight / "survey.lll", "--out", self.out), OK)

@@ -250,6 +250,66 @@ TEST(one_event_is_the_oracles_within_a_unit_and_the_table_error) {
   assert_true(walls > events / 50);
 }
 
+// What Model::integrate_behind writes is the oracle's shell, and nothing of its cone.
+TEST(a_later_return_is_the_oracles_shell_alone) {
+  constexpr std::int32_t kSide = 36;
+  constexpr std::int32_t kDepth = 32;
+  constexpr int kEvents = 12;
+  Random random(3);
+  Tally hits;
+  int events = 0;
+  for (int index = 0; index < configurations(); index += 2) {  // log-odds: a shell has hits alone
+    const Setup setup = random_setup(random, index, kSide, kDepth);
+    OracleSettings settings;
+    for (int trial = 0; trial < kEvents; ++trial) {
+      assert_int_equal(model.configure(setup.config, &setup.table, sizeof(setup.table)),
+                       Status::kOk);
+      settings.footprint_cells = model.scale().footprint_cells;
+      settings.cone_run_cells = kConeRunCells;
+      settings.regrowth = kRegrowth;
+      Oracle oracle(setup.config, setup.table, settings);
+      const Pose pose =
+          random_pose(random, setup.config, kSide * random.uniform(), kSide * random.uniform(),
+                      8.0 * random.uniform() - 8.0, trial % 3 == 0 ? 25.0 : 6.0);
+      Ping ping = ping_along(360.0 * random.uniform(), 75.0 + 15.0 * random.uniform(), 1.0);
+      ping.range_um = std::llround((8.0 + 24.0 * random.uniform()) * setup.config.cell_mm * 1000.0);
+      assert_true(model.integrate_behind(ping, pose) == PingResult::kFused);
+      assert_true(model.counters().last_voxels_per_ping <= model.bound().behind_voxels);
+      assert_true(model.counters().pings[static_cast<int>(PingResult::kFused)] == 0);
+      assert_true(model.counters().behind_fused == 1);
+      oracle.integrate(ping, pose);
+      if (oracle.ambiguous()) {
+        continue;
+      }
+      ++events;
+      std::size_t at = 0;
+      for (std::int32_t n = 0; n < kSide; ++n) {
+        for (std::int32_t e = 0; e < kSide; ++e) {
+          const Voxel* const voxels = model.grid().column_voxels(model.grid().column_index(n, e));
+          for (std::int32_t k = 0; k < kDepth; ++k, ++at) {
+            const Increment& expected = oracle.event()[at];
+            assert_int_equal(voxels[k].miss, 0);
+            if ((voxels[k].hit == 0 && expected.hit == 0.0) || expected.edge) {
+              continue;
+            }
+            const double difference = std::fabs(voxels[k].hit - expected.hit);
+            ++hits.voxels;
+            hits.within_one += difference <= 1.0 ? 1 : 0;
+            hits.squares += difference * difference;
+            hits.worst = std::max(hits.worst, difference);
+            if (difference > 1.0 + expected.allowed_hit) {
+              fail_msg("%s; event %d, voxel (%d %d %d): hit %d, the oracle says %g",
+                       setup.name.c_str(), trial, n, e, k, voxels[k].hit, expected.hit);
+            }
+          }
+        }
+      }
+    }
+  }
+  print_tally("hit of later returns", hits);
+  assert_true(events > 4 * kEvents);
+}
+
 /// A bottom with relief at two scales.
 struct Bottom {
   double depth, slope_n, slope_e, waves[2][4];

@@ -77,6 +77,33 @@ TEST(values_come_back) {
   assert_int_equal(static_cast<int>(back.model.rule), static_cast<int>(config.model.rule));
 }
 
+TEST(a_blob_of_version_1_reads_with_what_it_lacks_at_zero) {
+  VehicleConfig config = leadline::test::rig_config();
+  config.ports[7].max_returns = 3;
+  config.ports[7].quality_weight_percent = 80;
+  std::vector<std::uint8_t> blob = blob_of(config);
+  const VehicleConfig whole = decode_config(blob.data(), blob.size()).value();
+  assert_int_equal(whole.ports[7].max_returns, 3);
+  assert_int_equal(whole.ports[7].quality_weight_percent, 80);
+  // As version 1 wrote it: without the two fields of eight ports, its version in the header and in the body.
+  blob.resize(blob.size() - 2 * 4 * 8);
+  blob[4] = blob[16] = 1;
+  for (unsigned i = 0; i < 4; ++i) {
+    blob[8 + i] = static_cast<std::uint8_t>(blob.size() >> (8 * i));
+  }
+  put_crc(blob);
+  const VehicleConfig back = decode_config(blob.data(), blob.size()).value();
+  assert_int_equal(back.schema_version, leadline::firmware::kVehicleConfigSchemaVersion);
+  assert_int_equal(back.ports[7].max_returns, 0);
+  assert_int_equal(back.ports[7].quality_weight_percent, 0);
+  assert_int_equal(back.survey_id, config.survey_id);
+  assert_string_equal(back.vertical_datum, config.vertical_datum);
+  blob[4] = 3;
+  assert_int_equal(decode_config(blob.data(), blob.size()).status(), Status::kBadVersion);
+  blob[4] = 0;
+  assert_int_equal(decode_config(blob.data(), blob.size()).status(), Status::kBadVersion);
+}
+
 TEST(damaged_blobs_are_refused_by_reason) {
   const auto blob = blob_of(leadline::test::rig_config());
   for (std::size_t size = 0; size < blob.size(); ++size) {

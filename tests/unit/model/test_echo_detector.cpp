@@ -155,6 +155,51 @@ TEST(the_nearest_of_comparable_echoes_is_taken) {
               far.arrival_um(0.1), kBin_um);
 }
 
+TEST(what_outdoes_the_echo_before_it_is_a_return_of_its_own) {
+  Random random(6);
+  EchoDetectorConfig many = kConfig;
+  many.max_returns = leadline::model::kMaxReturns;
+  many.apart_q16 = 13'107;  // a fifth
+  const Echo fish{5e6, 60'000, 40'000};
+  const Echo bottom{12e6, 200'000, 100'000};
+  const Echo multiple{24e6, 200'000, 30'000};
+  const auto bins = heard({fish, bottom, multiple}, 1200, 20, 4, random);
+  EchoDetection found = detect_echo(profile_of(bins), many);
+  assert_true(found.found);
+  assert_true(std::fabs(static_cast<double>(found.range_um) - fish.arrival_um(0.1)) < 20'000);
+  assert_true(std::fabs(static_cast<double>(found.clear_um) - 5e6) < 60'000);
+  assert_int_equal(found.behind_count, 1);
+  assert_true(std::fabs(static_cast<double>(found.behind[0].range_um) - bottom.arrival_um(0.1)) <
+              20'000);
+  assert_true(found.behind[0].quality > 200);
+  // Alone it is the same first return, and there is nothing behind it.
+  const EchoDetection alone = detect_echo(profile_of(bins), kConfig);
+  assert_true(alone.range_um == found.range_um);
+  assert_int_equal(alone.behind_count, 0);
+  assert_int_equal(alone.quality, found.quality);
+  // A fish too faint for a return ends what is free all the same.
+  found =
+      detect_echo(profile_of(heard({{5e6, 60'000, 15'000}, bottom}, 1200, 20, 4, random)), many);
+  assert_true(std::fabs(static_cast<double>(found.range_um) - bottom.arrival_um(0.1)) < 20'000);
+  assert_true(std::fabs(static_cast<double>(found.clear_um) - 5e6) < 60'000);
+  assert_int_equal(found.behind_count, 0);
+  // Too near behind it: another part of the same surface.
+  found = detect_echo(
+      profile_of(heard({{10e6, 60'000, 40'000}, {11.5e6, 60'000, 100'000}}, 1200, 20, 4, random)),
+      many);
+  assert_true(std::fabs(static_cast<double>(found.range_um) - 10e6) < 60'000);
+  assert_int_equal(found.behind_count, 0);
+  // Of four that grow, with room for three, the last is the strongest.
+  const std::vector<Echo> four = {{3e6, 60'000, 30'000},
+                                  {6e6, 60'000, 50'000},
+                                  {12e6, 60'000, 70'000},
+                                  {20e6, 60'000, 100'000}};
+  found = detect_echo(profile_of(heard(four, 1200, 20, 4, random)), many);
+  assert_int_equal(found.behind_count, 2);
+  assert_true(std::fabs(static_cast<double>(found.behind[0].range_um) - 6e6) < 60'000);
+  assert_true(std::fabs(static_cast<double>(found.behind[1].range_um) - 20e6) < 60'000);
+}
+
 TEST(bins_out_of_range_are_not_heard) {
   Random random(7);
   const Echo ring{200'000, 200'000, 500'000};

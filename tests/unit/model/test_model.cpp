@@ -907,6 +907,79 @@ TEST(work_stays_within_the_bound_and_is_counted) {
   assert_true(counters.column_extractions < 3000 * Model::kSlopeColumns / 3);
 }
 
+TEST(a_later_return_says_nothing_of_the_way_to_it) {
+  configure(model, plain_config(20, 20, 32), plain_table(PlainBeam{}));
+  const Pose pose = pose_at(10, 10, 1);
+  // A fish at 8 cells, the bottom at 20: what lies between them stays unknown, and nothing is behind.
+  assert_int_equal(model.integrate(ping_along(0, 90, 8), pose), PingResult::kFused);
+  const std::vector<Touched> before = touched(model);
+  assert_int_equal(model.integrate_behind(ping_along(0, 90, 20), pose), PingResult::kFused);
+  assert_true(model.counters().pings[static_cast<int>(PingResult::kFused)] == 1);
+  assert_true(model.counters().behind_fused == 1);
+  const Voxel* const column = model.grid().column_voxels(model.grid().column_index(10, 10));
+  assert_true(column[4].miss > 0);
+  assert_true(column[9].hit > 0);
+  assert_true(column[21].hit > 0);
+  for (std::int32_t k = 13; k < 18; ++k) {
+    assert_int_equal(column[k].hit, 0);
+    assert_int_equal(column[k].miss, 0);
+  }
+  for (std::int32_t k = 25; k < 32; ++k) {
+    assert_int_equal(column[k].hit + column[k].miss, 0);
+  }
+  for (const Touched& at : touched(model)) {
+    const bool new_one = std::none_of(before.begin(), before.end(), [&at](const Touched& old) {
+      return old.n == at.n && old.e == at.e && old.k == at.k;
+    });
+    assert_true(!new_one || (at.voxel.miss == 0 && at.voxel.hit > 0));
+  }
+  // What cannot be used wrote nothing.
+  const std::uint64_t updates = model.counters().voxel_updates;
+  assert_int_equal(model.integrate_behind(ping_along(0, 90, 5000), pose),
+                   PingResult::kRangeTooLong);
+  assert_int_equal(model.integrate_behind(ping_along(0, 90, 20), pose, 3),
+                   PingResult::kNotConfigured);
+  assert_true(model.counters().voxel_updates == updates);
+  assert_int_equal(model.counters().last_voxels_per_ping, 0);
+}
+
+std::uint32_t sum_of(const Model& of, std::uint16_t Voxel::*half) {
+  std::uint32_t sum = 0;
+  for (std::int32_t n = 0; n < 20; ++n) {
+    for (std::int32_t e = 0; e < 20; ++e) {
+      const Voxel* const voxels = of.grid().column_voxels(of.grid().column_index(n, e));
+      for (std::int32_t k = 0; k < 32; ++k) {
+        sum += voxels[k].*half;
+      }
+    }
+  }
+  return sum;
+}
+
+TEST(quality_scales_evidence_and_what_was_heard_ends_the_free_way) {
+  const Pose pose = pose_at(10, 10, 1);
+  const auto sums = [&pose](const ReturnDetail& detail) {
+    configure(model, plain_config(20, 20, 32), plain_table(PlainBeam{}));
+    assert_int_equal(model.integrate(ping_along(0, 90, 20), pose, 0, detail), PingResult::kFused);
+    return std::pair<double, double>(sum_of(model, &Voxel::hit), sum_of(model, &Voxel::miss));
+  };
+  const auto whole = sums({});
+  const auto half = sums({128});
+  assert_near(half.first / whole.first, 0.5, 0.05);
+  assert_near(half.second / whole.second, 0.5, 0.05);
+  const auto none = sums({0});
+  assert_near(none.first + none.second, 0.0, 0.0);
+  // Something faint at 8 cells: the shell is the same, and nothing is said of the way behind 8.
+  const auto faint = sums({kWholeShare_q8, 8'000'000});
+  assert_near(faint.first, whole.first, 0.0);
+  assert_true(faint.second < 0.6 * whole.second);
+  const Voxel* const column = model.grid().column_voxels(model.grid().column_index(10, 10));
+  assert_true(column[5].miss > 0);
+  for (std::int32_t k = 10; k < 17; ++k) {
+    assert_int_equal(column[k].miss, 0);
+  }
+}
+
 TEST(columns_near_saturation_are_rescaled_and_keep_their_depth) {
   configure(model, plain_config(20, 20, 32), plain_table(PlainBeam{}));
   Random random(7);
