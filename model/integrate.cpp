@@ -877,6 +877,7 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
 PingResult Model::integrate_behind(const base::Ping& ping, const base::Pose& pose,
                                    std::size_t sensor, const ReturnDetail& detail) {
   voxels_this_ping_ = 0;
+  work_ = PingWork{};
   limit_voxels_ = bound_.behind_voxels;
   counters_.last_voxels_per_ping = 0;
   if (!configured_ || sensor >= sensor_count_) {

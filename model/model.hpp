@@ -226,7 +226,7 @@ class Model {
   std::uint32_t ping_number_ = 0;
   std::uint32_t voxels_this_ping_ = 0;
   PingWork work_{};
-  std::uint32_t limit_voxels_ = 0;  // for them
+  std::uint32_t limit_voxels_ = 0;       // for them
   std::int64_t correlated_q12_[3] = {};  // cells^2
   std::int64_t registration_q12_ = 0;    // cells^2, see DESIGN.md
   Grid grid_;
