@@ -25,11 +25,13 @@ bool place_piece(const proto::LogPiece& piece, std::uint8_t* blob, std::size_t s
 
 constexpr std::size_t aligned(std::size_t size_bytes) { return (size_bytes + 7) / 8 * 8; }
 
-/// Appends text; the caller has counted the room.
+/// Appends text without its zero; the caller has counted the room.
 char* put_text(char* out, const char* text) {
-  const std::size_t size = std::strlen(text);
-  std::memcpy(out, text, size);
-  return out + size;
+  for (; *text != '\0'; ++text) {
+    *out = *text;
+    ++out;
+  }
+  return out;
 }
 
 char* put_hash(char* out, std::uint64_t value) {
