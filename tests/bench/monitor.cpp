@@ -22,7 +22,7 @@ void change(TileStore* store, std::uint32_t tile, std::uint32_t generation) {
   for (int k = 0; k < 64; ++k) {
     delta.changed.set(k);
     delta.cells[k] =
-        leadline::proto::code_cell(static_cast<std::int32_t>(generation % 8000), 256, 0);
+        leadline::proto::code_cell(static_cast<std::int32_t>(generation * 16 % 16'000), 256, 0);
   }
   delta.cell_count = 64;
   (void)store->apply(delta);

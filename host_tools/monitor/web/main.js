@@ -172,7 +172,7 @@ function frame() {
   page.dirty = false;
   const store = page.store;
   const free = margins();
-  if (store && !page.userMoved && (!page.fitted || page.mapChanged)) fit();
+  if (store && !page.userMoved && (!page.fitted || (page.mapChanged && !scene.framed(free, vehicle())))) fit();
   const range = colourRange();
   const shared = scene.shared;
   shared.mode.value = MODES.indexOf(page.mode);
@@ -203,7 +203,7 @@ function middle(free) {
 function fit() {
   if (!scene || !page.store) return;
   page.fitted = page.store.known > 0;
-  scene.fit(margins());
+  scene.fit(margins(), vehicle());
 }
 
 function resize() {
@@ -470,6 +470,7 @@ function setView(map) {
   $("view-3d").setAttribute("aria-pressed", !map);
   $("view-map").setAttribute("aria-pressed", map);
   document.body.classList.toggle("map-view", map);
+  if (!page.userMoved) fit();
   page.dirty = true;
 }
 

@@ -346,8 +346,8 @@ export class SeafloorScene {
     this.flat.updateProjectionMatrix();
   }
 
-  /** Both cameras on what is known (or on the whole grid while nothing is); margins in pixels: left, right, top, bottom. */
-  fit(margins) {
+  /** Both cameras on what is known (or on the whole grid while nothing is), in 3-D on the vehicle too where it is near; margins in pixels: left, right, top, bottom. */
+  fit(margins, vehicle = null) {
     const store = this.store;
     if (!store) return;
     const b = store.bounds ?? { north0: 0, north1: store.size[0], east0: 0, east1: store.size[1] };
@@ -366,7 +366,7 @@ export class SeafloorScene {
     const shiftZ = ((margins.bottom - margins.top) / 2) * perPixel;
     this.pan.target.set(x + shiftX, 0, z + shiftZ);
     this.flat.position.set(x + shiftX, 100, z + shiftZ);
-    const distance = this.#frame3d(x, z, spanEast, spanNorth, margins, freeWidth, freeHeight);
+    const distance = this.#frame3d(this.#corners(vehicle), x, z, Math.max(spanEast, spanNorth), margins, freeWidth, freeHeight);
     this.perspective.near = distance / 500;
     this.perspective.far = distance * 30;
     this.perspective.updateProjectionMatrix();
@@ -375,17 +375,47 @@ export class SeafloorScene {
     this.#moved();
   }
 
-  /** Looks from the south, so far away that the map's box just fits into what is free; returns how far. */
-  #frame3d(x, z, spanEast, spanNorth, margins, freeWidth, freeHeight) {
-    const store = this.store, camera = this.perspective;
-    const reference = this.shared.reference.value, exaggeration = this.shared.exaggeration.value;
-    const height = (share) => store.known ? ((reference / 256) * store.cellM + store.originM[2] - store.depthQuantile(share)) * exaggeration : 0;
+  /** The corners of what is to be seen. */
+  #corners(vehicle) {
+    const store = this.store;
+    const b = store.bounds ?? { north0: 0, north1: store.size[0], east0: 0, east1: store.size[1] };
     const corners = [];
-    for (const y of [height(0.001), height(0.999)]) {
-      for (const dx of [-0.5, 0.5]) for (const dz of [-0.5, 0.5]) corners.push(new Vector3(x + dx * spanEast, y, z + dz * spanNorth));
+    for (const share of [0.001, 0.999]) {
+      const downM = store.depthQuantile(share);
+      for (const north of [b.north0, b.north1]) {
+        for (const east of [b.east0, b.east1]) {
+          corners.push(this.world({ northM: store.originM[0] + north * store.cellM, eastM: store.originM[1] + east * store.cellM, downM }));
+        }
+      }
     }
+    const at = vehicle && store.known && !this.mapView ? this.world(vehicle) : null;
+    const [low, high] = [corners[0], corners[3]];
+    const far = 0.25 * Math.max(Math.abs(high.x - low.x), Math.abs(high.z - low.z));
+    if (at && at.x > low.x - far && at.x < high.x + far && at.z < low.z + far && at.z > high.z - far) corners.push(at);
+    return corners;
+  }
+
+  /** Where corners are on the screen: left, right, top, bottom. */
+  #extent(corners, camera) {
+    const seen = corners.map((corner) => corner.clone().project(camera));
+    const xs = seen.map((p) => ((p.x + 1) / 2) * this.width), ys = seen.map((p) => ((1 - p.y) / 2) * this.height);
+    return { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
+  }
+
+  /** Whether the view still shows it all and not too small: a map that grows need not move it each time. */
+  framed(margins, vehicle) {
+    const seen = this.#extent(this.#corners(vehicle), this.camera), slack = 12;
+    const width = this.width - margins.left - margins.right, height = this.height - margins.top - margins.bottom;
+    return seen.left > margins.left - slack && seen.right < this.width - margins.right + slack && seen.top > margins.top - slack &&
+      seen.bottom < this.height - margins.bottom + slack &&
+      Math.max((seen.right - seen.left) / width, (seen.bottom - seen.top) / height) > 0.6;
+  }
+
+  /** Looks from the south, so far away that the corners just fit into what is free; returns how far. */
+  #frame3d(corners, x, z, spanM, margins, freeWidth, freeHeight) {
+    const camera = this.perspective;
     const target = new Vector3(x, 0, z), back = new Vector3(0, 0.62, 0.785);
-    let distance = Math.max(spanEast, spanNorth, 4 * store.cellM);
+    let distance = Math.max(spanM, 4 * this.store.cellM);
     for (let round = 0; round < 12; round++) {
       camera.position.copy(target).addScaledVector(back, distance);
       camera.near = distance / 500;
@@ -393,14 +423,12 @@ export class SeafloorScene {
       camera.lookAt(target);
       camera.updateProjectionMatrix();
       camera.updateMatrixWorld();
-      const seen = corners.map((corner) => corner.clone().project(camera));
-      const xs = seen.map((p) => ((p.x + 1) / 2) * this.width), ys = seen.map((p) => ((1 - p.y) / 2) * this.height);
-      const left = Math.min(...xs), right = Math.max(...xs), top = Math.min(...ys), bottom = Math.max(...ys);
+      const { left, right, top, bottom } = this.#extent(corners, camera);
       const perPixel = (2 * distance * Math.tan((camera.fov * Math.PI) / 360)) / this.height;
       // What is seen goes to the middle of what is free: sideways, and along the ground.
       target.x += ((left + right) / 2 - (margins.left + this.width - margins.right) / 2) * perPixel;
       target.z += (((top + bottom) / 2 - (margins.top + this.height - margins.bottom) / 2) * perPixel) / back.y;
-      distance *= Math.min(Math.max(1.04 * Math.max((right - left) / freeWidth, (bottom - top) / freeHeight), 0.4), 2.5);
+      distance *= Math.min(Math.max(1.08 * Math.max((right - left) / freeWidth, (bottom - top) / freeHeight), 0.4), 2.5);
     }
     this.orbit.target.copy(target);
     camera.position.copy(target).addScaledVector(back, distance);
