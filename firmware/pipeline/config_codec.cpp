@@ -3,6 +3,7 @@
 #include <type_traits>
 
 #include "model/base/crc32c.hpp"
+#include "model/base/fixed.hpp"
 
 namespace leadline::firmware {
 namespace {
@@ -220,15 +221,17 @@ std::size_t config_blob_bytes() { return blob_bytes(kVehicleConfigSchemaVersion)
 
 Result<std::size_t> encode_config(const VehicleConfig& config, std::uint8_t* out,
                                   std::size_t capacity_bytes) {
-  const std::size_t size = config_blob_bytes();
+  // As the configuration was read: an old flight that is replayed says the same checksum of it.
+  std::uint16_t version =
+      base::clamp<std::uint16_t>(config.schema_version, 1, kVehicleConfigSchemaVersion);
+  const std::size_t size = blob_bytes(version);
   if (capacity_bytes < size) {
     return Status::kFull;
   }
   VehicleConfig copy = config;  // walk() serves reading as well, so it takes no const
   Writer body{out + kHeader_bytes};
-  walk_version(body, copy, kVehicleConfigSchemaVersion);
+  walk_version(body, copy, version);
   std::uint32_t magic = kMagic;
-  std::uint16_t version = kVehicleConfigSchemaVersion;
   std::uint16_t reserved = 0;
   auto size_bytes = static_cast<std::uint32_t>(size);
   std::uint32_t crc = base::crc32c(out + kHeader_bytes, size - kHeader_bytes);
@@ -274,10 +277,7 @@ Result<VehicleConfig> decode_config(const std::uint8_t* blob, std::size_t size_b
   VehicleConfig config{};
   Reader body{blob + kHeader_bytes};
   walk_version(body, config, version);
-  if (version < kVehicleConfigSchemaVersion) {
-    config.schema_version = kVehicleConfigSchemaVersion;
-  }
-  if (!known_enumerators(config)) {
+  if (config.schema_version != version || !known_enumerators(config)) {
     return Status::kOutOfRange;
   }
   return config;

@@ -10,7 +10,7 @@
 
 namespace leadline::firmware {
 
-/// Size of every blob that encode_config() makes.
+/// Size of the blob of a configuration of this version; older ones are shorter.
 [[nodiscard]] std::size_t config_blob_bytes();
 /// At least config_blob_bytes(), for buffers.
 inline constexpr std::size_t kMaxConfigBlob_bytes = 3072;
@@ -22,7 +22,7 @@ inline constexpr std::size_t kMaxConfigBlob_bytes = 3072;
                                                       std::size_t capacity_bytes);
 
 /// * kTruncated: shorter than it says; kInvalidArgument: not such a blob, or longer than it says
-/// Blobs of version 1 as well, which come back as of this version with what they lack at 0.
+/// Blobs of version 1 as well, which come back as such with what they lack at 0.
 /// * kBadVersion: a newer version; kBadChecksum: bytes changed
 /// * kOutOfRange: an enumerator that this program does not know
 [[nodiscard]] base::Result<VehicleConfig> decode_config(const std::uint8_t* blob,

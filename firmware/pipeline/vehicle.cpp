@@ -123,7 +123,7 @@ const char* ping_loss_name(PingLoss loss) {
 }
 
 Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) {
-  if (config.schema_version != kVehicleConfigSchemaVersion) {
+  if (!within(config.schema_version, 1, kVehicleConfigSchemaVersion)) {
     return Status::kBadVersion;
   }
   if (config.port_count > kMaxPorts || config.mount_count > kMaxMounts || config.table_count < 1 ||
