@@ -2,12 +2,15 @@
 # Shows the whole chain: sonar heads and sensors on serial lines, the vehicle's program, its link over UDP,
 # the topside that draws what arrives, and the recorded flight replayed to the same bits.
 #
-# usage: toolchain/demo.sh [--live [--speed X]] [--terrain FILE] [--out DIR]
+# usage: toolchain/demo.sh [--live [--speed X]] [--terrain FILE] [--out DIR] [--target native|m7]
 #   --live           watch it in a browser: the page is served while the survey is flown, 10 times as fast as real,
 #                    and then plays its recording until Ctrl-C
 #   --speed X        X times as fast as real instead (with --live)
 #   --terrain FILE   survey this raster (anything that GDAL reads) instead of the built-in seafloor
-#   --out DIR        where the results go (default out/demo)
+#   --out DIR        where the results go (default out/demo, out/demo-m7)
+#   --target m7      the vehicle is the image for a Cortex-M7 on QEMU's board: heads, sensors and link at its
+#                    UARTs (the sensors share one: the board has five), the link over TCP; minutes. Its time is
+#                    the emulator's as well; pings_per_s is then of QEMU's CPU
 #
 # Installs what is missing from Debian and builds first. The devices are emulated (leadline emulate) and
 # speak their protocols at ptys; leadline-vehicle knows no difference. Time is virtual (lockstep): a
@@ -19,14 +22,15 @@
 #                                   vehicle's CPU; bytes_per_changed_cell: of tile deltas, framing
 #                                   included; bytes_per_changed_cell_all: of everything on the link;
 #                                   topside_equals_vehicle: every cell, by hash; log: the recorded flight,
-#                                   relative to the project
+#                                   relative to the project; target
 #   table.txt                       errors of the map, and of the usual griddings of the same pings
 #   survey.lll vehicle.toml         the flight's log and configuration
 #   topside/ replay/                what `leadline receive` and `leadline replay` wrote
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-out="$root/out/demo"
+out=
+target=native
 # One echo in a hundred is of something short of the ground: fish, or a second path.
 mission=(--set outlier_fraction=0.01)
 live=0
@@ -50,6 +54,11 @@ while [ $# -gt 0 ]; do
       speed=$2
       shift
       ;;
+    --target)
+      [ $# -ge 2 ] || usage_error "--target wants native or m7"
+      target=$2
+      shift
+      ;;
     -h | --help)
       print_help
       exit 0
@@ -61,10 +70,17 @@ done
 [ -z "$speed" ] || [ "$live" -eq 1 ] || usage_error "--speed goes with --live"
 pace=()
 [ "$live" -eq 0 ] || pace=(--speed "${speed:-10}")
+case $target in
+  native) link=udp:@127.0.0.1:0 out=${out:-$root/out/demo} ;;
+  m7) link=tcp:@127.0.0.1:0 out=${out:-$root/out/demo-m7} mission+=(--set one_nmea_line=true) ;;
+  *) usage_error "unknown target $target" ;;
+esac
+[ "$target" = native ] || [ "$live" -eq 0 ] || usage_error "--live goes with --target native"
 
 "$root/toolchain/setup.sh"
 say "building"
 configure_and_build release leadline leadline-vehicle
+[ "$target" = native ] || "$root/toolchain/m7.sh" build
 
 leadline() { "$root/build/release/host_tools/leadline" "$@"; }
 start=$SECONDS
@@ -87,8 +103,12 @@ if [ "$live" -eq 1 ]; then
   # Of the viewer's seconds: the link carries its 200 bytes per second of the flight.
   topside=(monitor --http 127.0.0.1:0 --budget "$(awk -v x="${pace[1]}" 'BEGIN { print 200 * x }')")
 fi
-say "flying: emulated heads on ptys -> leadline-vehicle -> UDP -> leadline ${topside[0]}"
-"$root/build/release/host_tools/leadline" "${topside[@]}" --link udp:@127.0.0.1:0 --out "$out/topside" \
+if [ "$target" = native ]; then
+  say "flying: emulated heads on ptys -> leadline-vehicle -> UDP -> leadline ${topside[0]}"
+else
+  say "flying: emulated heads on ptys -> UARTs of a Cortex-M7 on QEMU -> TCP -> leadline receive"
+fi
+"$root/build/release/host_tools/leadline" "${topside[@]}" --link "$link" --out "$out/topside" \
   >"$out/receive.log" 2>&1 &
 receiver=$!
 port=
@@ -107,12 +127,43 @@ if [ "$live" -eq 1 ]; then
 fi
 
 leadline emulate "${mission[@]}" --write-config "$out" --ports "$scratch/ports" \
-  --link "udp:127.0.0.1:$port"
+  --link "${link%%:*}:127.0.0.1:$port"
+
+fly_native() {
+  "$root/build/release/firmware/leadline-vehicle" --config "$out/vehicle.toml" \
+    --clock "lockstep:$scratch/clock" --json >"$out/vehicle.json"
+}
+
+# Configuration and tables as one block in the board's flash; the clock's socket is QEMU's standard input and output.
+fly_m7() {
+  local lines=() name
+  # Lines are there when the emulator is.
+  for _ in $(seq 200); do
+    [ ! -S "$scratch/clock" ] || break
+    sleep 0.05
+  done
+  for name in $(sed -n 's|^uri = "serial:.*/\([a-z]*\):[0-9]*".*|\1|p' "$out/vehicle.toml"); do
+    lines+=(-serial "chardev:$name" -chardev "serial,id=$name,path=$scratch/ports/$name")
+  done
+  [ ${#lines[@]} -eq 16 ] || die "the board has four lines for devices, vehicle.toml has $((${#lines[@]} / 4))"
+  python3 -c 'import os, socket, sys
+clock = socket.socket(socket.AF_UNIX)
+clock.connect(sys.argv[1])
+os.dup2(clock.fileno(), 0)
+os.dup2(clock.fileno(), 1)
+os.execvp(sys.argv[2], sys.argv[2:])' "$scratch/clock" \
+    qemu-system-arm -M mps2-an500 -display none -monitor none -icount shift=7,sleep=off \
+    "${lines[@]}" -serial chardev:link -chardev "socket,id=link,host=127.0.0.1,port=$port" \
+    -semihosting-config "enable=on,target=native,arg=lockstep,arg=${out//,/,,}" \
+    -device "loader,file=$scratch/block.llb,addr=0x3E0000,force-raw=on" \
+    -kernel "$root/build/cortex-m7/firmware/leadline-m7-lockstep.elf"
+}
+[ "$target" = native ] || leadline config compile "$out/vehicle.toml" --out "$scratch/block.llb"
+
 # Times of the vehicle's CPU: the last line of vehicle.err.
 TIMEFORMAT='%U %S'
 {
-  time "$root/build/release/firmware/leadline-vehicle" --config "$out/vehicle.toml" \
-    --clock "lockstep:$scratch/clock" --json >"$out/vehicle.json" 2>"$out/vehicle.log"
+  time "fly_$target" 2>"$out/vehicle.log"
 } 2>"$scratch/cpu" &
 vehicle=$!
 leadline emulate "${mission[@]}" --out "$out" --ports "$scratch/ports" \
@@ -147,7 +198,7 @@ truth=("$out/truth.asc" --mask "$out/touched.asc")
 } | tee "$out/table.txt"
 
 leadline compare "$out/depth.asc" "${truth[@]}" --json >"$scratch/compare.json"
-python3 - "$scratch" "$out" "$(realpath --relative-to="$root" "$out/survey.lll")" <<'PYTHON'
+python3 - "$scratch" "$out" "$target" "$(realpath --relative-to="$root" "$out/survey.lll")" <<'PYTHON'
 import json, pathlib, sys
 scratch, out = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
 compare = json.loads((scratch / "compare.json").read_text())
@@ -165,7 +216,8 @@ summary = {
     "bytes_per_changed_cell_all": round(topside["bytes_per_changed_cell_all"], 4),
     # Three computed it on their own: the vehicle, the topside, the replay.
     "topside_equals_vehicle": topside["cells_hash"] == vehicle["cells_hash"] == replay["cells_hash"],
-    "log": sys.argv[3],
+    "log": sys.argv[4],
+    "target": sys.argv[3],
 }
 text = json.dumps(summary, indent=2)
 (out / "summary.json").write_text(text + "\n")

@@ -67,8 +67,60 @@ replay_one() {
   m7_run "$images/leadline-m7-replay.elf" "arg=replay,arg=${path//,/,,}"
 }
 
+# CMocka's one file is compiled with the tests: Debian's source package, by a private apt state, so that nothing
+# on the machine changes.
+fetch_cmocka() {
+  local to="$root/build/cmocka" state
+  [ ! -e "$to/src/cmocka.c" ] || return 0
+  state=$(mktemp -d)
+  mkdir -p "$state/lists/partial" "$state/archives/partial" "$to"
+  echo "deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg]" \
+    "http://deb.debian.org/debian bookworm main" >"$state/sources.list"
+  local options=(-o "Dir::Etc::SourceList=$state/sources.list" -o "Dir::Etc::SourceParts=/dev/null"
+    -o "Dir::State=$state" -o "Dir::State::Lists=$state/lists" -o "Dir::Cache=$state"
+    -o APT::Sandbox::User=root -o Acquire::Retries=3)
+  apt-get "${options[@]}" update && (cd "$state" && apt-get "${options[@]}" source --download-only cmocka) &&
+    tar -xf "$state"/cmocka_*.orig.tar.xz -C "$to" --strip-components=1 || return 1
+  rm -rf "$state"
+}
+
+gates() {
+  local image result=0
+  for image in "$images"/leadline-m7*.elf; do
+    case $image in *-replay.elf | *-lockstep.elf | *-cost.elf) continue ;; esac
+    "$root/toolchain/m7_gates.py" symbols "$image" || result=1
+    "$root/toolchain/m7_gates.py" stack "$image" || result=1
+    "$root/toolchain/m7_gates.py" footprint "$image" || result=1
+  done
+  return $result
+}
+
 case $command in
   build) build all ;;
+  gates)
+    build all
+    gates
+    ;;
+  test)
+    mkdir -p "$root/build"
+    if ! { "$root/toolchain/setup.sh" --m7 && fetch_cmocka; } >"$messages" 2>&1; then
+      cat "$messages" >&2
+      die "CMocka's sources cannot be had"
+    fi
+    preset=cortex-m7-tests
+    # A pattern's tests, or all.
+    targets=(m7_tests)
+    if [ $# -gt 0 ]; then
+      (cd "$root" && cmake --preset $preset --log-level=WARNING) >"$messages" 2>&1 || {
+        cat "$messages" >&2
+        exit 1
+      }
+      mapfile -t targets < <(ctest --test-dir "$root/build/$preset" -N -R "$1" | sed -n 's/^ *Test *#[0-9]*: //p')
+      [ ${#targets[@]} -gt 0 ] || die "no test matches $1"
+    fi
+    build "${targets[@]}"
+    run_ctest $preset ${1:+-R "$1"}
+    ;;
   replay)
     [ $# -gt 0 ] || usage_error "replay wants a log"
     build leadline-m7-replay

@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "firmware/m7/entry_points.hpp"
+#include "firmware/pipeline/session_log.hpp"
 #include "proto/messages.hpp"
 
 extern "C" {
@@ -49,7 +50,7 @@ void CycleBuffer::clear() {
   count_ = 0;
 }
 
-bool CycleBuffer::read(hal::m7::UartPort& line, std::uint8_t number) {
+bool CycleBuffer::read(hal::m7::UartPort& line, std::uint8_t number, const base::TimeUs* at_us) {
   if (count_ == kChunks || used_bytes_ == kBytes) {
     return false;
   }
@@ -59,9 +60,18 @@ bool CycleBuffer::read(hal::m7::UartPort& line, std::uint8_t number) {
   if (size == 0) {
     return false;
   }
+  t_us = at_us != nullptr ? *at_us : t_us;
+  used_bytes_ += size;
+  if (count_ > 0) {
+    InputChunk& last = chunks_[count_ - 1];
+    if (last.port == number && last.t_arrival_us == t_us &&
+        last.size_bytes + size <= kMaxChunk_bytes) {
+      last.size_bytes = static_cast<std::uint16_t>(last.size_bytes + size);
+      return true;
+    }
+  }
   chunks_[count_] = {t_us, at, static_cast<std::uint16_t>(size), number};
   ++count_;
-  used_bytes_ += size;
   return true;
 }
 
@@ -78,12 +88,6 @@ bool CycleBuffer::add(std::uint8_t number, base::TimeUs t_us, const std::uint8_t
   return true;
 }
 
-void CycleBuffer::retime(base::TimeUs t_us) {
-  for (std::size_t i = 0; i < count_; ++i) {
-    chunks_[i].t_arrival_us = t_us;
-  }
-}
-
 // ---- FlightLoop ---------------------------------------------------------------------------------
 
 void FlightLoop::open(const ConfigBlock& block, const FaultRecord& restart) {
@@ -95,13 +99,13 @@ void FlightLoop::open(const ConfigBlock& block, const FaultRecord& restart) {
   lines[kLinkUart].open(hal::m7::kUartPlaces[kLinkUart], block.link_baud, board_clock);
 }
 
-void FlightLoop::gather() {
-  for (int port = 0; port < port_count_; ++port) {
-    for (int burst = 0; burst < 8 && buffer_.read(lines[port], static_cast<std::uint8_t>(port));
-         ++burst) {
+void FlightLoop::gather(const base::TimeUs* at_us) {
+  // Bounded: the buffer takes kBytes and kChunks.
+  for (int port = 0; port <= port_count_; ++port) {
+    const bool link = port == port_count_;
+    const auto number = link ? kUplinkPort : static_cast<std::uint8_t>(port);
+    while (buffer_.read(lines[link ? kLinkUart : port], number, at_us)) {
     }
-  }
-  for (int burst = 0; burst < 8 && buffer_.read(lines[kLinkUart], kUplinkPort); ++burst) {
   }
 }
 

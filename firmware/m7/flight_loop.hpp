@@ -35,16 +35,15 @@ class CycleBuffer {
  public:
   /// Of all lines together; what is beyond waits in the rings of the lines.
   static constexpr std::size_t kBytes = 8192;
-  static constexpr std::size_t kChunks = 64;
+  static constexpr std::size_t kChunks = 128;
 
   void clear();
-  /// One burst of a line. False: it has none now, or there is no room.
-  bool read(hal::m7::UartPort& line, std::uint8_t number);
+  /// One burst of a line; what came at the same time as the chunk before goes into that. False: it has none
+  /// now, or there is no room. `at_us`: when it came, where that is not on the line's own clock.
+  bool read(hal::m7::UartPort& line, std::uint8_t number, const base::TimeUs* at_us = nullptr);
   /// Bytes of our own. False: no room.
   bool add(std::uint8_t number, base::TimeUs t_us, const std::uint8_t* data,
            std::size_t size_bytes);
-  /// Every chunk arrived at `t_us`: bytes that came on another clock.
-  void retime(base::TimeUs t_us);
 
   [[nodiscard]] const InputChunk* chunks() const { return chunks_.data(); }
   [[nodiscard]] std::size_t chunk_count() const { return count_; }
@@ -62,8 +61,8 @@ class FlightLoop {
   void open(const ConfigBlock& block, const FaultRecord& restart);
 
   [[nodiscard]] int port_count() const { return port_count_; }
-  /// Takes what the lines have.
-  void gather();
+  /// Takes what the lines have; `at_us` as above.
+  void gather(const base::TimeUs* at_us = nullptr);
   /// The cycle: our own report, the vehicle, what it sends. `measured_us`: how long the last one took, 0: not
   /// measured.
   void run(base::TimeUs t_us, std::uint32_t measured_us);

@@ -11,6 +11,7 @@
 
 #include "firmware/m7/entry_points.hpp"
 #include "firmware/m7/fault_record.hpp"
+#include "firmware/m7/say.hpp"
 #include "firmware/pipeline/log_player.hpp"
 #include "firmware/pipeline/session_log.hpp"
 #include "firmware/pipeline/vehicle.hpp"
@@ -25,6 +26,7 @@ namespace {
 
 using leadline::firmware::LogEvent;
 using leadline::firmware::LogPlayer;
+using leadline::firmware::m7::say_number;
 using leadline::firmware::m7::the_vehicle;
 using leadline::hal::m7::InstructionCounter;
 using leadline::hal::m7::say;
@@ -51,19 +53,6 @@ struct Costs {
   std::uint64_t worst_ping_number = 0;
 };
 Costs costs;
-
-void say_number(const char* name, std::uint64_t value) {
-  char digits[21];
-  std::size_t at = sizeof digits - 1;
-  digits[at] = '\0';
-  do {
-    --at;
-    digits[at] = static_cast<char>('0' + value % 10U);
-    value /= 10U;
-  } while (value > 0);
-  say(name);
-  say(digits + at);
-}
 
 /// What is done with everything that the player finds. False: the log is of no use.
 bool act(LogEvent event) {
@@ -197,14 +186,7 @@ PingResult __wrap__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4Pose
 void leadline_main() {
   const leadline::firmware::m7::FaultRecord before = leadline::firmware::m7::take_kept_state();
   if (before.cause != leadline::firmware::m7::FaultCause::kNone) {
-    say("replay: error: a fault:");
-    say_number(" cause ", static_cast<std::uint32_t>(before.cause));
-    say_number(" pc ", before.pc);
-    say_number(" lr ", before.lr);
-    say_number(" sp ", before.sp);
-    say_number(" status ", before.fault_status);
-    say_number(" address ", before.address);
-    say("\n");
+    leadline::firmware::m7::say_fault(before);
     leadline::hal::m7::exit(kInput);
   }
   counter.start();

@@ -40,6 +40,8 @@ class UartPort {
 
   /// Bytes that write() takes now.
   [[nodiscard]] std::size_t write_room() const;
+  /// Whether a byte is under way.
+  [[nodiscard]] bool sending() const { return sending_; }
   /// Bytes that have arrived, read or not, those dropped not among them. Changes under the caller.
   [[nodiscard]] std::uint32_t received() const { return received_; }
 

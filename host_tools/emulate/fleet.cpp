@@ -1,5 +1,6 @@
 #include "host_tools/emulate/fleet.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -40,7 +41,11 @@ std::vector<std::string> fleet_ports(const Mission& mission) {
   for (const HeadSpec& head : mission.heads) {
     names.push_back(head.name);
   }
-  names.insert(names.end(), {"attitude", "fix", "pressure"});
+  if (mission.one_nmea_line) {
+    names.emplace_back("navigation");
+  } else {
+    names.insert(names.end(), {"attitude", "fix", "pressure"});
+  }
   return names;
 }
 
@@ -69,7 +74,9 @@ void Fleet::add_line(std::unique_ptr<emu::EmulatedDevice> device, emu::PingDevic
   faults.drop_ppm = ppm(mission_.faults.lost_byte);
   faults.corrupt_ppm = ppm(mission_.faults.flipped_bit);
   faults.repeat_ppm = ppm(mission_.faults.repeated_byte);
-  lines_.push_back({std::move(device), head, emu::FaultyStream(faults)});
+  const bool shares = mission_.one_nmea_line && head == nullptr;
+  const std::size_t port = shares ? mission_.heads.size() : lines_.size();
+  lines_.push_back({std::move(device), head, emu::FaultyStream(faults), port, shares, {}});
 }
 
 Heard Fleet::ping(std::size_t number, base::TimeUs t_us, double azimuth_deg) {
@@ -136,7 +143,7 @@ void Fleet::add_navigation() {
   const auto talker = [this](emu::NmeaKind kind, double rate_hz, std::int64_t latency_us,
                              emu::NmeaTalker::Measure measure) {
     emu::NmeaTalkerConfig config;
-    config.latency_us = latency_us;
+    config.latency_us = mission_.one_nmea_line ? kAttitudeLatency_us : latency_us;
     config.byte_time_ns = kFleetByteTime_ns;
     if (rate_hz > 0.0) {
       // Not all at once: each starts in a phase of its own.
@@ -184,14 +191,21 @@ base::TimeUs Fleet::next_us(base::TimeUs now_us) const { return now_us + kChunk_
 
 void Fleet::advance(base::TimeUs now_us, std::vector<emu::Bytes>* bytes) {
   const bool over = now_us >= t_survey_end_us();
-  for (std::size_t k = 0; k < lines_.size(); ++k) {
-    Line& line = lines_[k];
+  for (Line& line : lines_) {
     if (line.head != nullptr && over) {
       line.head->set_silent(true);
     }
     emu::Bytes sent;
     line.device->advance(now_us, sent);
-    line.faults.pass(now_us, sent, (*bytes)[k]);
+    emu::Bytes& out = (*bytes)[line.port];
+    if (!line.by_sentence) {
+      line.faults.pass(now_us, sent, out);
+      continue;
+    }
+    line.faults.pass(now_us, sent, line.begun);
+    const auto end = std::find(line.begun.rbegin(), line.begun.rend(), '\n').base();
+    out.insert(out.end(), line.begun.begin(), end);
+    line.begun.erase(line.begun.begin(), end);
   }
 }
 

@@ -35,7 +35,8 @@ struct FleetCounters {
   std::uint64_t dropouts = 0;
 };
 
-/// Names of the ports in their order: the heads, then attitude, fix, pressure.
+/// Names of the ports in their order: the heads, then attitude, fix, pressure; or navigation, where they share a
+/// line.
 [[nodiscard]] std::vector<std::string> fleet_ports(const Mission& mission);
 
 class Fleet : public PortDevices {
@@ -69,6 +70,9 @@ class Fleet : public PortDevices {
     std::unique_ptr<emu::EmulatedDevice> device;
     emu::PingDeviceEmulator* head = nullptr;  ///< the same, where it is a sonar head
     emu::FaultyStream faults;
+    std::size_t port = 0;
+    bool by_sentence = false;  ///< shares the port: sentences go out whole
+    emu::Bytes begun;          ///< of the next sentence
   };
 
   void add_line(std::unique_ptr<emu::EmulatedDevice> device, emu::PingDeviceEmulator* head);

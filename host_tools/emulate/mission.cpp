@@ -150,6 +150,9 @@ void add_heads(Settings* settings) {
          return std::string(has ? "true" : "false");
        }});
   settings->flag(
+      "one_nmea_line", "true: attitude, fix and pressure share one line",
+      [](auto& m) -> auto& { return m.one_nmea_line; });
+  settings->flag(
       "profile", "true: heads send whole echoes and the vehicle detects",
       [](auto& m) -> auto& { return m.profile; });
   settings->count(

@@ -83,6 +83,9 @@ struct Mission {
   bool profile = false;                    ///< heads send whole echoes, the vehicle detects
   std::size_t max_returns = 1;             ///< of a profile that the vehicle maps; 1 .. 3
   std::size_t quality_weight_percent = 0;  ///< 0 .. 100
+  /// The navigation sensors share one line, sentence by sentence, as behind a combiner: a vehicle with few
+  /// lines. Their latencies are then those of the attitude.
+  bool one_nmea_line = false;
   double start_s = 3.0;    ///< the devices run this long before the vehicle sets out
   double settle_s = 12.0;  ///< after the survey the heads are off and the link catches up
   /// Slower than the map changes: changes wait, and go out many to a packet.

@@ -201,8 +201,10 @@ std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
     ++port;
   }
   text += nmea_port_text(links.port_uris[port], kAttitudeLatency_us, kPashr_bytes) + "\n";
-  text += nmea_port_text(links.port_uris[port + 1], kFixLatency_us, kGga_bytes) + "\n";
-  text += nmea_port_text(links.port_uris[port + 2], kPressureLatency_us, kPrvat_bytes) + "\n";
+  if (!mission.one_nmea_line) {
+    text += nmea_port_text(links.port_uris[port + 1], kFixLatency_us, kGga_bytes) + "\n";
+    text += nmea_port_text(links.port_uris[port + 2], kPressureLatency_us, kPrvat_bytes) + "\n";
+  }
   text += "[link]\nuri = " + quoted(links.link_uri) +
           "\nrate_bytes_s = " + std::to_string(mission.link_rate_bytes_s) +
           "\nmax_tile_age_s = " + number_text(mission.link_max_tile_age_s) + "\n";

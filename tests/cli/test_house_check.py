@@ -26,6 +26,7 @@ CLEAN = {
     "hal/m7/m7.hpp": "",
     "firmware/pipeline/p.cpp": '#include "model/m.hpp"\n#include "hal/heads/h.hpp"\n',
     "firmware/linux/main.cpp": '#include <iostream>\n#include "firmware/pipeline/p.hpp"\n',
+    "firmware/m7/main.cpp": '#include "firmware/pipeline/p.hpp"\n#include "hal/m7/m7.hpp"\n',
     "firmware/config/c.cpp": '#include <string>\n#include "firmware/pipeline/p.hpp"\n'
                              '#include "hal/linux/l.hpp"\n',
     "host_tools/t.cpp": '#include <vector>\n#include "model/m.hpp"\n#include "hal/emu/emu.hpp"\n'
@@ -50,6 +51,8 @@ SINS = [
     ("include-arrow", "firmware/pipeline/p.cpp", '#include "host_tools/t.hpp"'),
     ("include-arrow", "firmware/pipeline/p.cpp", '#include "firmware/config/c.hpp"'),
     ("include-arrow", "firmware/pipeline/p.cpp", '#include "hal/linux/l.hpp"'),
+    ("include-arrow", "firmware/m7/main.cpp", '#include "firmware/config/c.hpp"'),
+    ("include-arrow", "firmware/m7/main.cpp", '#include "hal/linux/l.hpp"'),
     ("include-arrow", "firmware/config/c.cpp", '#include "firmware/linux/main.hpp"'),
     ("include-arrow", "firmware/config/c.cpp", '#include "host_tools/t.hpp"'),
     ("include-arrow", "host_tools/t.cpp", '#include "hal/m7/m7.hpp"'),
@@ -68,6 +71,8 @@ SINS = [
     ("std-header", "model/m.cpp", "#include <immintrin.h>"),
     ("std-header", "proto/p.cpp", "#include <iostream>"),
     ("std-header", "firmware/pipeline/p.cpp", "#include <chrono>"),
+    ("std-header", "firmware/m7/main.cpp", "#include <vector>"),
+    ("std-header", "hal/m7/m7.hpp", "#include <string>"),
     ("std-header", "hal/heads/h.cpp", "#include <unistd.h>"),
     ("std-header", "estimator/e.cpp", "#include <memory>"),
     # Poison.

@@ -4,10 +4,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
-#include <filesystem>
 #include <vector>
-
-#include <stdlib.h>
 
 namespace leadline::test {
 namespace {
@@ -70,49 +67,6 @@ void skip_test(const std::string& reason) {
   throw Skipped{};
 }
 
-std::string data_directory() {
-  const char* configured = std::getenv("LEADLINE_DATA");
-  if (configured != nullptr && configured[0] != '\0') {
-    return configured;
-  }
-  return source_directory() + "/../shared/data";
-}
-
-std::string require_data(const std::string& relative) {
-  const std::string path = data_directory() + "/" + relative;
-  std::error_code error;
-  if (!std::filesystem::exists(path, error)) {
-    skip_test(path + " is not there (LEADLINE_DATA names another folder)");
-  }
-  return path;
-}
-
-std::string source_directory() { return LEADLINE_SOURCE_DIRECTORY; }
-
-std::string scratch_directory() {
-  struct Scratch {
-    std::filesystem::path base;
-    int count = 0;
-    Scratch() {
-      std::string pattern =
-          (std::filesystem::temp_directory_path() / "leadline-test-XXXXXX").string();
-      if (mkdtemp(pattern.data()) == nullptr) {
-        std::perror("scratch_directory");
-        std::exit(1);
-      }
-      base = pattern;
-    }
-    ~Scratch() {
-      std::error_code ignored;
-      std::filesystem::remove_all(base, ignored);
-    }
-  };
-  static Scratch scratch;
-  const auto path = scratch.base / std::to_string(scratch.count++);
-  std::filesystem::create_directory(path);
-  return path.string();
-}
-
 std::uint64_t seed() { return chosen_seed; }
 
 void assert_near_impl(double actual, double expected, double tolerance, const char* expression,
@@ -157,7 +111,8 @@ int run_all(int argc, char** argv) {
   if (pattern != nullptr) {
     cmocka_set_test_filter(pattern);
   }
-  const std::string name = std::filesystem::path(argv[0]).filename().string();
+  const char* const slash = std::strrchr(argv[0], '/');
+  const std::string name = slash != nullptr ? slash + 1 : argv[0];
   const int failed =
       _cmocka_run_group_tests(name.c_str(), tests.data(), tests.size(), nullptr, nullptr);
   if (failed != 0) {

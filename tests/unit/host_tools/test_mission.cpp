@@ -46,12 +46,16 @@ TEST(every_setting_takes_a_value_and_refuses_nonsense) {
   for (const SettingInfo& setting : mission_settings()) {
     assert_true(!setting.help.empty());
     std::string value = "0.5";
-    if (setting.key == "ping360" || setting.key == "profile") {
+    if (setting.key == "ping360" || setting.key == "profile" || setting.key == "one_nmea_line") {
       value = "true";
     } else if (says(setting.key, "_count") || says(setting.key, "_cells") ||
                says(setting.key, "_bytes_s") || says(setting.key, "_hz") ||
                says(setting.key, "range_m")) {
       value = "16";
+    } else if (setting.key == "max_returns") {
+      value = "2";
+    } else if (says(setting.key, "_percent")) {
+      value = "50";
     } else if (setting.key == "sound_speed_m_s") {
       value = "1480";
     } else if (says(setting.key, "_period_s")) {

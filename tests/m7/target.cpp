@@ -1,0 +1,76 @@
+// What a test finds on the board: no files of its own, a heap, standard output through semihosting.
+#include <cerrno>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <string>
+
+#include "firmware/m7/entry_points.hpp"
+#include "firmware/m7/fault_record.hpp"
+#include "hal/m7/semihost.hpp"
+#include "tests/support/test.hpp"
+
+namespace leadline::test {
+
+int run_all(int argc, char** argv);
+
+std::string source_directory() { return LEADLINE_SOURCE_DIRECTORY; }
+std::string data_directory() { return source_directory() + "/../shared/data"; }
+
+std::string require_data(const std::string& relative) {
+  std::string path = data_directory() + "/" + relative;
+  std::FILE* const file = std::fopen(path.c_str(), "rb");
+  if (file == nullptr) {
+    skip_test(path + " is not there");
+  }
+  (void)std::fclose(file);
+  return path;
+}
+
+std::string scratch_directory() { skip_test("the board has no folder to write to"); }
+
+}  // namespace leadline::test
+
+extern "C" {
+
+// Of sections.ld: addresses, not objects.
+extern char leadline_data_end;
+extern char leadline_ram_end;
+
+void initialise_monitor_handles();
+void* __dso_handle = nullptr;
+void _init() {}
+void _fini() {}
+
+// The C library's heap: what the board's first RAM has left.
+void* _sbrk(std::ptrdiff_t size) {
+  static char* top = &leadline_data_end;
+  if (size > &leadline_ram_end - top) {
+    errno = ENOMEM;
+    return reinterpret_cast<void*>(-1);
+  }
+  char* const begin = top;
+  top += size;
+  return begin;
+}
+
+void leadline_main() {
+  const leadline::firmware::m7::FaultRecord before = leadline::firmware::m7::take_kept_state();
+  initialise_monitor_handles();
+  if (before.cause != leadline::firmware::m7::FaultCause::kNone) {
+    std::printf("a fault: cause %u pc 0x%08x lr 0x%08x sp 0x%08x status 0x%08x address 0x%08x\n",
+                static_cast<unsigned>(before.cause), before.pc, before.lr, before.sp,
+                before.fault_status, before.address);
+    (void)std::fflush(stdout);
+    leadline::hal::m7::exit(99);
+  }
+  static char name[256] = "test";
+  (void)leadline::hal::m7::command_line(name, sizeof name);
+  char* arguments[] = {name, nullptr};
+  const int result = leadline::test::run_all(1, arguments);
+  (void)std::fflush(stdout);
+  (void)std::fflush(stderr);
+  leadline::hal::m7::exit(static_cast<std::uint32_t>(result));
+}
+
+}  // extern "C"
