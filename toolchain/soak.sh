@@ -99,6 +99,10 @@ sensors_at_ten_times_their_rate() {
     tee "$out/sensors.txt"
 }
 
+overload() {
+  LEADLINE_OVERLOAD_S=600 "$root/build/release/tests/property.overload" 2>&1 | tee "$out/overload.txt"
+}
+
 map_again_and_again() {
   "$leadline" scene --out "$out/survey" || return 1
   python3 - "$leadline" "$out" $((minutes * 15)) <<'PYTHON'
@@ -146,9 +150,11 @@ step "build release" configure_and_build release || { step_summary; exit 1; }
 step "tests labelled full" run_ctest release -L '^full$' || true
 step "fuzzing, $minutes/4 min" fuzz_all || true
 step "work bound, $bound_pings pings each" search_worst_ping || true
+step "ten minutes at ten times the rated pings" overload || true
 step "mapping, $minutes/4 min" map_again_and_again || true
 for target in $(stems "$root/tests/fuzz" 'fuzz_*.cpp'); do
   grep -h '^stat::number_of_executed_units' "$root/out/fuzz/$target/log" 2>/dev/null || true
 done | awk '{n += $2} END {print "fuzzing: " NR " targets, " n " inputs"}'
-grep -h 'configurations, .* pings' "$out/work_bound.txt" 2>/dev/null | sed 's/^/work bound: /' || true
+grep -h 'configurations, .* pings\|above$' "$out/work_bound.txt" 2>/dev/null | sed 's/^/work bound: /' || true
+grep -h '^overload' "$out/overload.txt" 2>/dev/null || true
 step_summary

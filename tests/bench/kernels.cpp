@@ -90,6 +90,35 @@ void empty_run(benchmark::State& state) {
 }
 BENCHMARK(empty_run)->Arg(4)->Arg(24)->Arg(200);
 
+// The same without vector instructions: their ratio is what those are worth.
+void shell_run_scalar(benchmark::State& state) {
+  std::vector<model::Voxel> column(64);
+  const auto count = static_cast<std::int32_t>(state.range(0));
+  const std::int16_t* const taps = table().kernel_q15[model::kKernelLevels - 1][0] + 1;
+  std::uint32_t dither = 0;
+  for (auto step : state) {
+    static_cast<void>(step);
+    model::add_shell_scalar(column.data() + 8, taps, count, 8, model::Evidence{3000, 200},
+                            ++dither);
+    benchmark::ClobberMemory();
+  }
+  state.SetItemsProcessed(state.iterations() * count);
+}
+BENCHMARK(shell_run_scalar)->Arg(3)->Arg(7)->Arg(14);
+
+void empty_run_scalar(benchmark::State& state) {
+  std::vector<model::Voxel> column(256);
+  const auto count = static_cast<std::int32_t>(state.range(0));
+  std::uint32_t dither = 0;
+  for (auto step : state) {
+    static_cast<void>(step);
+    model::add_uniform_scalar(column.data(), count, 0, model::Evidence{40, 900}, ++dither);
+    benchmark::ClobberMemory();
+  }
+  state.SetItemsProcessed(state.iterations() * count);
+}
+BENCHMARK(empty_run_scalar)->Arg(4)->Arg(24)->Arg(200);
+
 void depth_of_column(benchmark::State& state) {
   const auto depth = static_cast<std::int32_t>(state.range(0));
   std::vector<model::Voxel> column(static_cast<std::size_t>(depth) + 64);

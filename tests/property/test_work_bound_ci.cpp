@@ -6,17 +6,24 @@
 // over position, attitude, beam direction, range, stated covariance and the map under the beam's end.
 // Every ping is checked against W, not only the best one.
 //
+// The same search looks for the ping that costs a Cortex-M7 most: by what a ping's instructions go with
+// (model::PingWork), at the price that toolchain/timing.sh measures on the target.
+//
 //   LEADLINE_WORK_BOUND_PINGS   pings per configuration (toolchain/soak.sh runs the long search)
 //   LEADLINE_WORK_BOUND_ONLY    run the configurations whose name contains this
+//   LEADLINE_COST_FOLDER        leave the worst pings there: NAME.cost for the target, NAME.txt to be kept
+//   LEADLINE_COST_FROM          a NAME.txt: no search, these pings
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <string>
 #include <vector>
 
+#include "firmware/m7/cost_file.hpp"
 #include "host_tools/table/generator.hpp"
 #include "model/model.hpp"
 #include "tests/support/test.hpp"
@@ -182,6 +189,9 @@ std::array<double, 3> beam_end(const Candidate& c) {
           c[kOriginD] + c[kRange] * z};
 }
 
+/// What the last prepare_map() did, for the target to do the same.
+std::vector<leadline::firmware::m7::PreparedColumn> prepared_columns;
+
 /// Gives column (n, e) the voxels of a surface at `depth`, as thousands of pings would have left them.
 void prepare_column(std::int32_t n, std::int32_t e, double depth) {
   model::Grid& grid = the_model.grid();
@@ -208,10 +218,17 @@ void prepare_column(std::int32_t n, std::int32_t e, double depth) {
         static_cast<std::uint16_t>(std::lround(20000 * (i == 0 ? 1 - share : share)));
     record.gain = 20000;
   }
+  prepared_columns.push_back({static_cast<std::uint16_t>(n),
+                              static_cast<std::uint16_t>(e),
+                              static_cast<std::int16_t>(std::clamp(above, -2.0, 2000.0)),
+                              {static_cast<std::uint16_t>(std::lround(20000 * (1 - share))),
+                               static_cast<std::uint16_t>(std::lround(20000 * share))},
+                              static_cast<std::uint16_t>(record.gain)});
 }
 
 /// The columns that the slope feedback can ask: eight directions, any stride.
 void prepare_map(const Candidate& c) {
+  prepared_columns.clear();
   const std::array<double, 3> end = beam_end(c);
   const double north = std::floor(end[0]);
   const double east = std::floor(end[1]);
@@ -245,17 +262,22 @@ struct Behind {
 };
 Behind behind;
 
-std::uint32_t cost(const Trial& trial, const Candidate& c) {
-  prepare_map(c);
-  const double cell_um = trial.cell_mm * 1000.0;
+struct Records {
   base::Ping ping{};
+  base::Pose pose{};
+};
+
+Records records_of(const Trial& trial, const Candidate& c) {
+  const double cell_um = trial.cell_mm * 1000.0;
+  Records records;
+  base::Ping& ping = records.ping;
   ping.azimuth_bam32 = bam(c[kAzimuth]);
   ping.elevation_bam32 = bam(c[kElevation]);
   ping.rotation_bam32 = bam(c[kRotation]);
   ping.kind = c[kReturn] > 0 ? base::ReturnKind::kRange : base::ReturnKind::kNoReturn;
   ping.range_um = std::llround(c[kRange] * cell_um);
   ping.quality = 255;
-  base::Pose pose{};
+  base::Pose& pose = records.pose;
   const double origin[3] = {c[kOriginN], c[kOriginE], c[kOriginD]};
   const double sigma[3] = {c[kSigmaN], c[kSigmaE], c[kSigmaD]};
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -265,19 +287,103 @@ std::uint32_t cost(const Trial& trial, const Candidate& c) {
   }
   pose.attitude = {bam(c[kRoll]), bam(c[kPitch]), bam(c[kHeading])};
   pose.validity = base::kPoseAll;
-  const model::PingResult result = the_model.integrate(ping, pose);
+  return records;
+}
+
+/// Of the ping that voxel_cost() integrated last.
+model::PingWork work_done;
+
+/// Voxels that a ping writes; 0 when it is not used.
+std::uint32_t voxel_cost(const Trial& trial, const Candidate& c) {
+  prepare_map(c);
+  const Records records = records_of(trial, c);
+  const model::PingResult result = the_model.integrate(records.ping, records.pose);
   const bool used = result == model::PingResult::kFused ||
                     (result == model::PingResult::kNoReturn && trial.empty_without_return);
   const std::uint32_t voxels = used ? the_model.counters().last_voxels_per_ping : 0;
+  work_done = the_model.last_work();
   // Some as a later return of the ping as well, over the same map.
   constexpr std::uint32_t kEvery = 4;
   ++behind.tries;
   if (result == model::PingResult::kFused && behind.tries % kEvery == 0) {
     prepare_map(c);
-    static_cast<void>(the_model.integrate_behind(ping, pose));
+    static_cast<void>(the_model.integrate_behind(records.ping, records.pose));
     behind.worst = std::max(behind.worst, the_model.counters().last_voxels_per_ping);
   }
   return voxels;
+}
+
+/// What each kind of work costs a Cortex-M7 at most, in instructions: measured on the target with room for the
+/// longest ways through, not derived (toolchain/timing.sh compares every ping that it replays).
+struct InstructionCosts {
+  double fixed = 8000;
+  double column_read = 800;
+  double cell_read = 40;
+  double shell_row = 200;
+  double shell_candidate = 26;
+  double shell_column = 120;
+  double shell_voxel = 10;
+  double cone_row = 250;
+  double cone_candidate = 220;
+  double cone_column = 180;
+  double cone_run = 190;
+  double cone_voxel = 8;
+};
+constexpr InstructionCosts kCosts;
+
+std::uint32_t instruction_cost(const Trial& trial, const Candidate& c) {
+  (void)voxel_cost(trial, c);
+  const model::PingWork& work = work_done;
+  return static_cast<std::uint32_t>(
+      kCosts.fixed + work.columns_read * (kCosts.column_read + kCosts.cell_read * trial.size[2]) +
+      kCosts.shell_row * work.shell_rows + kCosts.shell_candidate * work.shell_candidates +
+      kCosts.shell_column * work.shell_columns + kCosts.shell_voxel * work.shell_voxels +
+      kCosts.cone_row * work.cone_rows + kCosts.cone_candidate * work.cone_candidates +
+      kCosts.cone_column * work.cone_columns + kCosts.cone_run * work.cone_runs +
+      kCosts.cone_voxel * work.cone_voxels);
+}
+
+/// The most that any ping of the configuration costs at these prices, in closed form. The shell: its box, all
+/// taps. The cone, r wide at its end and L long seen from above, at the elevation where the sum is largest:
+/// candidates are the lattice points of a band of 2 r in the grid (w times its length less the corners w^2 / 2,
+/// and one a row), or of the box of a heading too close to east to be cut by rows; columns those of the shadow
+/// (a trapezoid, the near half disc, the far disc as it lies, and half the outline); runs the columns' and one for each 24 voxels.
+std::uint32_t instruction_bound(const Trial& trial) {
+  const model::Scale& scale = the_model.scale();
+  const double north = trial.size[0];
+  const double east = trial.size[1];
+  const double side = 2.0 * scale.footprint_cells;
+  const double box = std::min(side, north) * std::min(side, east);
+  const double taps = std::min(14, trial.size[2]);
+  const double shell =
+      kCosts.shell_row * std::min(side, north) +
+      box * (kCosts.shell_candidate + kCosts.shell_column + taps * kCosts.shell_voxel);
+  const std::int32_t range_q10 = scale.max_range_q16 >> 6;
+  const double range = range_q10 / 1024.0;
+  const double near = model::kTouch_q10 / 1024.0;
+  const double far =
+      near + range * model::cone_growth_q20(scale.cone_tan_q20, range_q10) / 1048576.0;
+  const double voxels = model::cone_volume(scale, range_q10);
+  double cone = 0;
+  for (int elevation_deg = 0; elevation_deg <= 90; ++elevation_deg) {
+    const double length = range * std::cos(elevation_deg * kPi / 180);
+    const double sine = std::sin(elevation_deg * kPi / 180);
+    const double rows = std::min(north, length + 2 * far + 1);
+    const double diagonal = std::min(std::hypot(north, east), length + 2.83 * far);
+    const double banded = 2 * far * diagonal - 2 * far * far + rows;
+    const double boxed =
+        std::min(north, 2 * far + 1 + length / 16) * std::min(east, length + 2 * far + 1);
+    const double candidates = std::min(north * east, std::max(banded, boxed));
+    const double shadow = length * (near + far) + kPi / 2 * near * near + kPi * far * far * sine +
+                          length + kPi / 2 * far;
+    const double columns = std::min(candidates, shadow);
+    const double runs = columns * 23 / 24 + voxels / 24;
+    cone = std::max(cone, kCosts.cone_row * rows + kCosts.cone_candidate * candidates +
+                              kCosts.cone_column * columns + kCosts.cone_run * runs);
+  }
+  return static_cast<std::uint32_t>(kCosts.fixed + shell + cone + kCosts.cone_voxel * voxels +
+                                    model::Model::kSlopeColumns *
+                                        (kCosts.column_read + kCosts.cell_read * trial.size[2]));
 }
 
 double log_uniform(Random& random, double low, double high) {
@@ -396,13 +502,22 @@ Candidate neighbour(const Trial& trial, Random& random, const Candidate& from) {
   return c;
 }
 
+struct Scored {
+  Candidate ping;
+  std::uint32_t cost;
+};
+
 struct Outcome {
   std::uint32_t worst = 0;
   Candidate ping{};
   std::int64_t above = 0;
+  std::vector<Scored> records;  ///< each worse than all before it
 };
 
-Outcome search(const Trial& trial, std::uint64_t stream, std::int64_t pings, std::uint32_t bound) {
+using Cost = std::uint32_t (*)(const Trial&, const Candidate&);
+
+Outcome search(const Trial& trial, std::uint64_t stream, std::int64_t pings, std::uint32_t bound,
+               Cost cost = voxel_cost) {
   Random random(stream);
   Outcome outcome;
   const auto evaluate = [&](const Candidate& c) {
@@ -411,6 +526,7 @@ Outcome search(const Trial& trial, std::uint64_t stream, std::int64_t pings, std
     if (voxels > outcome.worst) {
       outcome.worst = voxels;
       outcome.ping = c;
+      outcome.records.push_back({c, voxels});
     }
     return voxels;
   };
@@ -537,6 +653,111 @@ TEST(no_ping_exceeds_the_bound_and_the_bound_is_near) {
       count, static_cast<long long>(total), static_cast<unsigned long long>(voxels), failures,
       least);
   assert_int_equal(failures, 0);
+}
+
+/// The heads of the load that a Cortex-M7 has to carry: 30 m of range, cells of 0.25 m.
+std::vector<Trial> load_trials() {
+  Trial wide{};
+  wide.name = "ping1d";
+  wide.size = {128, 128, 128};
+  wide.max_range_cells = 120;
+  wide.beam = cone(12.5, 1, 50);
+  wide.cell_mm = 250;
+  Trial fan = wide;
+  fan.name = "fan16";
+  fan.beam = cone(1.5, 0.5, 50);
+  return {wide, fan};
+}
+
+std::vector<Scored> kept_pings(const char* path) {
+  std::ifstream in(path);
+  std::vector<Scored> list;
+  Scored scored{};
+  while (in >> scored.cost) {
+    for (double& value : scored.ping) {
+      in >> value;
+    }
+    assert_false(in.fail());
+    list.push_back(scored);
+  }
+  return list;
+}
+
+void leave(const Trial& trial, const std::vector<Scored>& pings, const std::string& folder) {
+  namespace m7 = leadline::firmware::m7;
+  std::ofstream text(folder + "/" + trial.name + ".txt");
+  text.precision(17);
+  std::ofstream out(folder + "/" + trial.name + ".cost", std::ios::binary);
+  const auto put = [&out](const auto& record) {
+    out.write(reinterpret_cast<const char*>(&record), sizeof record);
+  };
+  m7::CostHeader header{};
+  header.magic = m7::kCostMagic;
+  std::copy(std::begin(m7::kCostSizes), std::end(m7::kCostSizes), header.sizes);
+  header.pings = static_cast<std::uint32_t>(pings.size());
+  put(header);
+  put(the_model.config());
+  put(the_model.table());
+  for (const Scored& scored : pings) {
+    text << scored.cost;
+    for (const double value : scored.ping) {
+      text << ' ' << value;
+    }
+    text << '\n';
+    const Records records = records_of(trial, scored.ping);
+    prepare_map(scored.ping);
+    m7::CostPing ping{};
+    ping.range_um = records.ping.range_um;
+    ping.pose = records.pose;
+    ping.azimuth_bam32 = records.ping.azimuth_bam32;
+    ping.elevation_bam32 = records.ping.elevation_bam32;
+    ping.rotation_bam32 = records.ping.rotation_bam32;
+    ping.kind = static_cast<std::uint32_t>(records.ping.kind);
+    ping.prepared_columns = static_cast<std::uint32_t>(prepared_columns.size());
+    assert_true(prepared_columns.size() <= m7::kMostPreparedColumns);
+    put(ping);
+    for (const m7::PreparedColumn& column : prepared_columns) {
+      put(column);
+    }
+  }
+  assert_true(text.flush().good() && out.flush().good());
+}
+
+TEST(the_worst_pings_of_the_load_in_instructions) {
+  constexpr std::size_t kKept = 100;
+  const std::int64_t tries =
+      std::max<std::int64_t>(100, environment_number("LEADLINE_WORK_BOUND_PINGS", 12'000)) / 4;
+  const char* const only = std::getenv("LEADLINE_WORK_BOUND_ONLY");
+  const char* const folder = std::getenv("LEADLINE_COST_FOLDER");
+  const char* const from = std::getenv("LEADLINE_COST_FROM");
+  for (const Trial& trial : load_trials()) {
+    if (only != nullptr && trial.name.find(only) == std::string::npos) {
+      continue;
+    }
+    assert_int_equal(static_cast<int>(configure(trial)), static_cast<int>(base::Status::kOk));
+    std::vector<Scored> worst;
+    if (from != nullptr) {
+      worst = kept_pings(from);
+    } else {
+      const std::uint32_t bound = instruction_bound(trial);
+      const Outcome outcome = search(trial, 77, tries, bound, instruction_cost);
+      worst.assign(outcome.records.rbegin(), outcome.records.rend());
+      worst.resize(std::min(worst.size(), kKept));
+      std::printf(
+          "%s: %lld pings, %llu voxel updates, bound %u instructions, worst %u = %.3f, %lld "
+          "above\n",
+          trial.name.c_str(), static_cast<long long>(tries),
+          static_cast<unsigned long long>(the_model.counters().voxel_updates), bound, outcome.worst,
+          static_cast<double>(outcome.worst) / bound, static_cast<long long>(outcome.above));
+      assert_true(outcome.above == 0);
+    }
+    assert_false(worst.empty());
+    // No ping of the search wrote more than the bound allows, whatever it was looking for.
+    assert_true(the_model.counters().max_voxels_per_ping <= the_model.bound().total_voxels);
+    if (folder != nullptr) {
+      leave(trial, worst, folder);
+    }
+  }
 }
 
 }  // namespace
