@@ -43,5 +43,6 @@ void add_crosslines_command(CLI::App* app, CommandRun* run);
 void add_calibrate_command(CLI::App* app, CommandRun* run);
 void add_store_command(CLI::App* app, CommandRun* run);
 void add_config_command(CLI::App* app, CommandRun* run);
+void add_link_sim_command(CLI::App* app, CommandRun* run);
 
 }  // namespace leadline::host

@@ -80,6 +80,7 @@ int main(int argc, char** argv) {
   leadline::host::add_calibrate_command(&app, &run);
   leadline::host::add_store_command(&app, &run);
   leadline::host::add_config_command(&app, &run);
+  leadline::host::add_link_sim_command(&app, &run);
 
   try {
     app.parse(argc, argv);

@@ -210,8 +210,12 @@ bool message_type(const std::uint8_t* payload, std::size_t size_bytes, MessageTy
     case MessageType::kStatus:
     case MessageType::kText:
     case MessageType::kBrief:
+    case MessageType::kDigest:
     case MessageType::kResendRequest:
     case MessageType::kHelloRequest:
+    case MessageType::kReport:
+    case MessageType::kDigestRequest:
+    case MessageType::kLook:
     case MessageType::kLogHeader:
     case MessageType::kLogConfig:
     case MessageType::kLogTable:
@@ -623,6 +627,169 @@ base::Result<std::size_t> encode_hello_request(std::uint8_t* out, std::size_t ca
 bool is_hello_request(const std::uint8_t* payload, std::size_t size_bytes) {
   ByteReader fields(payload, size_bytes);
   return opens_as(fields, MessageType::kHelloRequest);
+}
+
+// --- Digest
+
+std::uint16_t frame_tag(const std::uint8_t* payload, std::size_t size_bytes) {
+  return static_cast<std::uint16_t>(base::crc32c(payload, size_bytes) & 0xFFFFU);
+}
+
+std::uint64_t add_digest_tile(std::uint64_t hash, std::uint32_t tile_hash32) {
+  for (unsigned shift = 0; shift < 32; shift += 8) {
+    hash = (hash ^ ((tile_hash32 >> shift) & 0xFFU)) * kFnvPrime;
+  }
+  return hash;
+}
+
+base::Result<std::size_t> encode_digest(const Digest& digest, std::uint8_t* out,
+                                        std::size_t capacity_bytes) {
+  if (digest.first >= kMaxTiles || digest.tiles_log2 > kMaxDigestLog2 ||
+      !within<std::uint8_t>(digest.hash_count, 1, kMaxDigestHashes)) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kDigest));
+  fields.u16(digest.survey_tag);
+  fields.varint(digest.first);
+  fields.u8(digest.tiles_log2);
+  fields.u8(digest.hash_count);
+  for (std::size_t i = 0; i < digest.hash_count; ++i) {
+    fields.u32(digest.hashes[i]);
+  }
+  return fields.result();
+}
+
+base::Result<Digest> decode_digest(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kDigest)) {
+    return base::Status::kInvalidArgument;
+  }
+  Digest digest{};
+  digest.survey_tag = fields.u16();
+  digest.first = fields.varint();
+  digest.tiles_log2 = fields.u8();
+  digest.hash_count = fields.u8();
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  if (digest.first >= kMaxTiles || digest.tiles_log2 > kMaxDigestLog2 ||
+      !within<std::uint8_t>(digest.hash_count, 1, kMaxDigestHashes)) {
+    return base::Status::kOutOfRange;
+  }
+  for (std::size_t i = 0; i < digest.hash_count; ++i) {
+    digest.hashes[i] = fields.u32();
+  }
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  return digest;
+}
+
+// --- Report
+
+base::Result<std::size_t> encode_report(const Report& report, std::uint8_t* out,
+                                        std::size_t capacity_bytes) {
+  if (report.frame_count > kMaxReportFrames) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kReport));
+  fields.u16(report.survey_tag);
+  fields.u8(report.frame_count);
+  for (std::size_t i = 0; i < report.frame_count; ++i) {
+    fields.u16(report.frame_tags[i]);
+  }
+  return fields.result();
+}
+
+base::Result<Report> decode_report(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kReport)) {
+    return base::Status::kInvalidArgument;
+  }
+  Report report{};
+  report.survey_tag = fields.u16();
+  report.frame_count = fields.u8();
+  if (!fields.truncated() && report.frame_count > kMaxReportFrames) {
+    return base::Status::kOutOfRange;
+  }
+  for (std::size_t i = 0; i < report.frame_count; ++i) {
+    report.frame_tags[i] = fields.u16();
+  }
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  return report;
+}
+
+// --- Digest request
+
+base::Result<std::size_t> encode_digest_request(const DigestRequest& request, std::uint8_t* out,
+                                                std::size_t capacity_bytes) {
+  if (request.range.first >= kMaxTiles || request.range.count < 1 ||
+      request.range.count > kMaxTiles - request.range.first) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kDigestRequest));
+  fields.u16(request.survey_tag);
+  fields.varint(request.range.first);
+  fields.varint(request.range.count - 1);
+  return fields.result();
+}
+
+base::Result<DigestRequest> decode_digest_request(const std::uint8_t* payload,
+                                                  std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kDigestRequest)) {
+    return base::Status::kInvalidArgument;
+  }
+  DigestRequest request{};
+  request.survey_tag = fields.u16();
+  const std::uint64_t first = fields.varint();
+  const std::uint64_t count = std::uint64_t{1} + fields.varint();
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  if (first + count > kMaxTiles) {
+    return base::Status::kOutOfRange;
+  }
+  request.range = {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(count)};
+  return request;
+}
+
+// --- Look
+
+base::Result<std::size_t> encode_look(const Look& look, std::uint8_t* out,
+                                      std::size_t capacity_bytes) {
+  if (look.tile >= kMaxTiles) {
+    return base::Status::kOutOfRange;
+  }
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kLook));
+  fields.u16(look.survey_tag);
+  fields.varint(look.tile);
+  fields.u8(look.radius_tiles);
+  return fields.result();
+}
+
+base::Result<Look> decode_look(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kLook)) {
+    return base::Status::kInvalidArgument;
+  }
+  Look look{};
+  look.survey_tag = fields.u16();
+  look.tile = fields.varint();
+  look.radius_tiles = fields.u8();
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  if (look.tile >= kMaxTiles) {
+    return base::Status::kOutOfRange;
+  }
+  return look;
 }
 
 }  // namespace leadline::proto

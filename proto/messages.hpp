@@ -30,9 +30,13 @@ enum class MessageType : std::uint8_t {
   kStatus = 0x03,
   kText = 0x04,
   kBrief = 0x05,
+  kDigest = 0x06,  ///< minor 1
   kResendRequest = 0x40,
   kHelloRequest = 0x41,
-  kLogHeader = 0x80,  ///< log.hpp, all of 0x80 on
+  kReport = 0x42,         ///< minor 1
+  kDigestRequest = 0x43,  ///< minor 1
+  kLook = 0x44,           ///< minor 1
+  kLogHeader = 0x80,      ///< log.hpp, all of 0x80 on
   kLogConfig = 0x81,
   kLogTable = 0x82,
   kLogChunk = 0x83,
@@ -269,5 +273,80 @@ inline constexpr std::size_t kMaxResendRequest_bytes = 4 + 8 * kMaxResendRanges;
 [[nodiscard]] base::Result<std::size_t> encode_hello_request(std::uint8_t* out,
                                                              std::size_t capacity_bytes);
 [[nodiscard]] bool is_hello_request(const std::uint8_t* payload, std::size_t size_bytes);
+
+// --- Digest: hashes over ranges of tiles, so that two ends find where they differ in a few packets
+
+/// Short name of a downlink frame, by which a report tells that it came: low half of the payload's CRC-32C.
+[[nodiscard]] std::uint16_t frame_tag(const std::uint8_t* payload, std::size_t size_bytes);
+
+inline constexpr int kMaxDigestHashes = 64;
+inline constexpr std::uint8_t kMaxDigestLog2 = 24;
+
+/// Hash k is of the tiles [first + k * 2^tiles_log2, first + (k + 1) * 2^tiles_log2) of the grid, as the
+/// vehicle's link map has them.
+struct Digest {
+  std::uint16_t survey_tag;
+  std::uint32_t first;      ///< < kMaxTiles
+  std::uint8_t tiles_log2;  ///< 0 .. kMaxDigestLog2
+  std::uint8_t hash_count;  ///< 1 .. kMaxDigestHashes
+  std::uint32_t hashes[kMaxDigestHashes];
+};
+
+inline constexpr std::size_t kMaxDigest_bytes = 1 + 2 + 5 + 1 + 1 + 4 * kMaxDigestHashes;
+
+/// Hash of a range of one tile: the tile's hash32 (fold_hash of tile_hash). Of more: FNV-1a over their hash32
+/// in order, four bytes each, least significant first, folded. Begin with kFnvOffset.
+[[nodiscard]] std::uint64_t add_digest_tile(std::uint64_t hash, std::uint32_t tile_hash32);
+
+[[nodiscard]] base::Result<std::size_t> encode_digest(const Digest& digest, std::uint8_t* out,
+                                                      std::size_t capacity_bytes);
+[[nodiscard]] base::Result<Digest> decode_digest(const std::uint8_t* payload,
+                                                 std::size_t size_bytes);
+
+// --- Report (uplink): frames that came. What it leaves out for long enough was lost
+
+inline constexpr int kMaxReportFrames = 64;
+
+struct Report {
+  std::uint16_t survey_tag;
+  std::uint8_t frame_count;  ///< 0 .. kMaxReportFrames
+  std::uint16_t frame_tags[kMaxReportFrames];
+};
+
+inline constexpr std::size_t kMaxReport_bytes = 4 + 2 * kMaxReportFrames;
+
+[[nodiscard]] base::Result<std::size_t> encode_report(const Report& report, std::uint8_t* out,
+                                                      std::size_t capacity_bytes);
+[[nodiscard]] base::Result<Report> decode_report(const std::uint8_t* payload,
+                                                 std::size_t size_bytes);
+
+// --- Digest request (uplink): hashes of a range, as fine as one digest has room for
+
+struct DigestRequest {
+  std::uint16_t survey_tag;
+  TileRange range;
+};
+
+inline constexpr std::size_t kMaxDigestRequest_bytes = 3 + 2 * 5;
+
+[[nodiscard]] base::Result<std::size_t> encode_digest_request(const DigestRequest& request,
+                                                              std::uint8_t* out,
+                                                              std::size_t capacity_bytes);
+[[nodiscard]] base::Result<DigestRequest> decode_digest_request(const std::uint8_t* payload,
+                                                                std::size_t size_bytes);
+
+// --- Look (uplink): where the topside looks. These tiles go before others, nothing else
+
+struct Look {
+  std::uint16_t survey_tag;
+  std::uint32_t tile;         ///< in the middle; < kMaxTiles
+  std::uint8_t radius_tiles;  ///< 0: looks nowhere any more
+};
+
+inline constexpr std::size_t kMaxLook_bytes = 3 + 5 + 1;
+
+[[nodiscard]] base::Result<std::size_t> encode_look(const Look& look, std::uint8_t* out,
+                                                    std::size_t capacity_bytes);
+[[nodiscard]] base::Result<Look> decode_look(const std::uint8_t* payload, std::size_t size_bytes);
 
 }  // namespace leadline::proto

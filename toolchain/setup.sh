@@ -30,11 +30,11 @@ packages=(
 # libclang-rt: the sanitizer and fuzzer libraries, which clang only recommends. llvm: readable reports.
 # user-mode-linux, kmod, iproute2: a kernel with CAN as a plain process (tests/cli/test_kernel_buses_ci.sh).
 # frama-c-base, why3, z3: toolchain/prove.sh. strace: tests/cli/test_timing_ci.py. chromium: the monitor's page in a
-# browser (tests/browser), as are node and, from the npm registry, playwright-core.
+# browser (tests/browser), as are node and, from the npm registry, playwright-core. tshark: cli.wireshark.
 check_packages=(
   clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr
   user-mode-linux kmod iproute2 dpkg-dev
-  frama-c-base why3 z3 strace
+  frama-c-base why3 z3 strace tshark
   chromium
 )
 # Where they are not there in another packaging.

@@ -13,6 +13,9 @@ namespace leadline::firmware {
 /// Most bytes of frames that one cycle makes.
 inline constexpr std::size_t kDownlinkCapacity_bytes = 16384;
 
+/// Any link lets frames of so many bytes pass, however slow it is.
+inline constexpr std::size_t kLeastBurst_bytes = 192;
+
 /// A token bucket in front of a buffer. In any span of T seconds no more than rate * T + burst_bytes() leave
 /// it, exactly: tokens are counted in millionths of a byte. Static storage, not thread-safe.
 class Downlink {
@@ -33,8 +36,13 @@ class Downlink {
   /// Frames a payload. False, and nothing done, when the frame is longer than the MTU or free_bytes().
   [[nodiscard]] bool put(const std::uint8_t* payload, std::size_t payload_bytes);
 
-  /// Largest saved-up budget: a quarter of a second, two frames at least.
+  /// Largest saved-up budget: an eighth of a second or an MTU, whichever is more, but never more than a second;
+  /// kLeastBurst_bytes at least; and a sixteenth of a second on top.
   [[nodiscard]] std::size_t burst_bytes() const { return burst_bytes_; }
+  /// Frames up to this length leave sooner or later: at most the MTU, on a slow link less.
+  [[nodiscard]] std::size_t longest_frame_bytes() const {
+    return mtu_bytes_ < longest_frame_bytes_ ? mtu_bytes_ : longest_frame_bytes_;
+  }
   [[nodiscard]] const std::uint8_t* data() const { return buffer_.data(); }
   [[nodiscard]] std::size_t size_bytes() const { return size_bytes_; }
   /// Of all bytes since configure(): 64-bit FNV-1a, counts.
@@ -49,6 +57,7 @@ class Downlink {
   std::uint32_t rate_bytes_s_ = 0;
   std::size_t mtu_bytes_ = 0;
   std::size_t burst_bytes_ = 0;
+  std::size_t longest_frame_bytes_ = 0;
   std::int64_t tokens_ub_ = 0;  ///< millionths of a byte
   std::uint64_t hash_ = 0;
   std::uint64_t total_bytes_ = 0;

@@ -6,14 +6,29 @@ using model::TileId;
 using proto::CellMask;
 using proto::CodedCell;
 
+namespace {
+
+void add(CellMask& mask, const CellMask& more) {
+  for (int row = 0; row < proto::kTileSide_cells; ++row) {
+    mask.rows[row] = static_cast<std::uint16_t>(mask.rows[row] | more.rows[row]);
+  }
+}
+
+}  // namespace
+
 void LinkMap::reset(TileId tile_count) {
   tile_count_ = tile_count;
   known_tiles_ = 0;
   for (std::size_t i = 0; i < static_cast<std::size_t>(tile_count) * proto::kTileArea_cells; ++i) {
     cells_[i] = proto::kUnknownCell;
   }
+  const std::uint32_t unknown = proto::fold_hash(proto::tile_hash(cells_.data()));
   for (TileId tile = 0; tile < tile_count; ++tile) {
     forced_[tile] = CellMask{};
+    hash32_[tile] = unknown;
+    under_way_[tile] = 0;
+    missed_[tile] = false;
+    epochs_[tile] = 0;
     generations_[tile] = 0;
     known_cells_[tile] = 0;
   }
@@ -41,9 +56,7 @@ void LinkMap::present(const model::Model& model, TileId tile, TileCells& present
 
 CellMask LinkMap::owed(TileId tile, const TileCells& present) const {
   CellMask mask = proto::changed_cells(cells(tile), present.data());
-  for (int row = 0; row < proto::kTileSide_cells; ++row) {
-    mask.rows[row] = static_cast<std::uint16_t>(mask.rows[row] | forced_[tile].rows[row]);
-  }
+  add(mask, forced_[tile]);
   return mask;
 }
 
@@ -51,6 +64,9 @@ void LinkMap::force(TileId tile) {
   for (std::uint16_t& row : forced_[tile].rows) {
     row = UINT16_MAX;
   }
+  under_way_[tile] = 0;
+  missed_[tile] = false;
+  ++epochs_[tile];
 }
 
 int LinkMap::sent(TileId tile, const TileCells& present, const CellMask& taken) {
@@ -71,10 +87,42 @@ int LinkMap::sent(TileId tile, const TileCells& present, const CellMask& taken) 
     forced_[tile].rows[row] =
         static_cast<std::uint16_t>(forced_[tile].rows[row] & ~taken.rows[row]);
   }
+  hash32_[tile] = proto::fold_hash(proto::tile_hash(told));
   known_cells_[tile] = static_cast<std::uint16_t>(known);
   known_tiles_ += (known != 0 ? 1U : 0U) - (known_before != 0 ? 1U : 0U);
   ++generations_[tile];
   return changed;
+}
+
+void LinkMap::confirm(TileId tile, std::uint8_t epoch) {
+  if (epoch != epochs_[tile]) {
+    return;
+  }
+  --under_way_[tile];
+}
+
+void LinkMap::lose(TileId tile, std::uint8_t epoch, const CellMask& cells) {
+  if (epoch != epochs_[tile]) {
+    return;
+  }
+  --under_way_[tile];
+  add(forced_[tile], cells);
+}
+
+void LinkMap::give_up(TileId tile, std::uint8_t epoch) {
+  if (epoch != epochs_[tile]) {
+    return;
+  }
+  --under_way_[tile];
+  missed_[tile] = true;
+}
+
+bool LinkMap::owe_missed(TileId tile) {
+  const bool missed = missed_[tile];
+  if (missed) {
+    force(tile);
+  }
+  return missed;
 }
 
 std::uint64_t LinkMap::hash() const {

@@ -18,7 +18,7 @@ static_assert(proto::kUnknownDepth_q8 == model::kUnknownDepth, "unknown is the s
 
 using TileCells = std::array<proto::CodedCell, proto::kTileArea_cells>;
 
-/// 4 bytes a column and 36 a tile. Static storage, not thread-safe.
+/// 4 bytes a column and 48 a tile. Static storage, not thread-safe.
 class LinkMap {
  public:
   LinkMap() = default;
@@ -36,10 +36,25 @@ class LinkMap {
   void present(const model::Model& model, model::TileId tile, TileCells& present) const;
   /// Cells to send: those that differ from `present`, and those of a resend that are still owed.
   [[nodiscard]] proto::CellMask owed(model::TileId tile, const TileCells& present) const;
-  /// All cells of the tile are owed, changed or not.
+  /// All cells of the tile are owed, changed or not; what became of its earlier frames does not matter any
+  /// more.
   void force(model::TileId tile);
+  /// Changes with force(), modulo 256: a frame's fate counts while it is what it was when the frame left.
+  [[nodiscard]] std::uint8_t epoch(model::TileId tile) const { return epochs_[tile]; }
   /// `taken` cells of `present` are in the downlink. Returns how many of them had changed.
   int sent(model::TileId tile, const TileCells& present, const proto::CellMask& taken);
+  /// A frame that sent() spoke of is noted to be under way; came; was lost (its cells are owed again).
+  void note_under_way(model::TileId tile) { ++under_way_[tile]; }
+  void confirm(model::TileId tile, std::uint8_t epoch);
+  void lose(model::TileId tile, std::uint8_t epoch, const proto::CellMask& cells);
+  /// Nobody will say what became of it: the whole tile is owed once somebody reports again (owe_missed).
+  void give_up(model::TileId tile, std::uint8_t epoch);
+  /// Whether frames of the tile are under way.
+  [[nodiscard]] bool under_way(model::TileId tile) const { return under_way_[tile] != 0; }
+  /// Whether the tile had been given up: it is owed now.
+  [[nodiscard]] bool owe_missed(model::TileId tile);
+  /// hash32 of the tile as last queued.
+  [[nodiscard]] std::uint32_t hash32(model::TileId tile) const { return hash32_[tile]; }
   /// Counts the deltas of the tile: the number of the next.
   [[nodiscard]] std::uint32_t next_generation(model::TileId tile) const {
     return generations_[tile] + 1;
@@ -53,6 +68,10 @@ class LinkMap {
   std::array<proto::CodedCell, model::kColumnCapacity> cells_{};
   std::array<proto::CellMask, model::kTileCapacity> forced_{};
   std::array<std::uint32_t, model::kTileCapacity> generations_{};
+  std::array<std::uint32_t, model::kTileCapacity> hash32_{};
+  std::array<std::uint16_t, model::kTileCapacity> under_way_{};  ///< frames
+  std::array<std::uint8_t, model::kTileCapacity> epochs_{};
+  std::array<bool, model::kTileCapacity> missed_{};
   std::array<std::uint16_t, model::kTileCapacity> known_cells_{};
   model::TileId tile_count_ = 0;
   std::uint32_t known_tiles_ = 0;

@@ -41,20 +41,8 @@ void TileSet::remove(TileId tile) {
 
 bool TileSet::best_due(std::uint32_t cycle, std::uint32_t weight, std::uint32_t age,
                        TileId& tile) const {
-  bool found = false;
-  std::uint32_t highest = 0;
-  for (std::size_t i = 0; i < size_; ++i) {
-    const Member& member = members_[i];
-    const std::uint32_t waited = cycle - member.since;
-    const std::uint32_t rank = member.weight + waited;
-    const bool due = member.weight >= weight || waited >= age;
-    if (due && (!found || rank > highest || (rank == highest && member.tile < tile))) {
-      found = true;
-      highest = rank;
-      tile = member.tile;
-    }
-  }
-  return found;
+  return best_due(
+      cycle, weight, age, [](TileId) { return 0U; }, tile);
 }
 
 std::uint32_t TileSet::oldest_age(std::uint32_t cycle) const {

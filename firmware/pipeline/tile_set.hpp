@@ -33,10 +33,33 @@ class TileSet {
   /// many cycles. False when there is none. O(size).
   [[nodiscard]] bool best_due(std::uint32_t cycle, std::uint32_t weight, std::uint32_t age,
                               model::TileId& tile) const;
+  /// The same with `favour(tile)`, 0 .. kMaxWeight, on top of the rank.
+  template <typename Favour>
+  [[nodiscard]] bool best_due(std::uint32_t cycle, std::uint32_t weight, std::uint32_t age,
+                              const Favour& favour, model::TileId& tile) const {
+    bool found = false;
+    std::uint32_t highest = 0;
+    for (std::size_t i = 0; i < size_; ++i) {
+      const Member& member = members_[i];
+      const std::uint32_t waited = cycle - member.since;
+      if (member.weight < weight && waited < age) {
+        continue;
+      }
+      const std::uint32_t rank = member.weight + waited + favour(member.tile);
+      if (!found || rank > highest || (rank == highest && member.tile < tile)) {
+        found = true;
+        highest = rank;
+        tile = member.tile;
+      }
+    }
+    return found;
+  }
   /// The tile of highest rank; false when the set is empty. O(size).
   [[nodiscard]] bool best(std::uint32_t cycle, model::TileId& tile) const {
     return best_due(cycle, 0, 0, tile);
   }
+  /// The i-th of size() tiles, in no order. O(1).
+  [[nodiscard]] model::TileId at(std::size_t i) const { return members_[i].tile; }
   /// Cycles that a tile of the set has waited. O(1).
   [[nodiscard]] std::uint32_t age(model::TileId tile, std::uint32_t cycle) const {
     return cycle - members_[place_[tile] - 1].since;

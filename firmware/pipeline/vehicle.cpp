@@ -219,6 +219,9 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   stale_.reset(tile_count);
   unsent_.reset(tile_count);
   link_map_.reset(tile_count);
+  ledger_.reset();
+  looked_at_ = LookedAt{};
+  digest_asked_ = proto::TileRange{};
   downlink_.configure(config_.link.rate_bytes_s, config_.link.mtu_bytes);
   uplink_.decoder().reset();
   uplink_bad_ = uplink_errors();
@@ -269,9 +272,11 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   extract_tiles();
   update_alarms();
   frame_waits_ = false;
+  settle_lost_frames();
   send_hello();
   send_status();
   send_texts();
+  send_digest();
   send_deltas();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
   for (int port = 0; port < config_.port_count; ++port) {

@@ -17,6 +17,7 @@
 #include "firmware/pipeline/device_port.hpp"
 #include "firmware/pipeline/downlink.hpp"
 #include "firmware/pipeline/host_report.hpp"
+#include "firmware/pipeline/link_ledger.hpp"
 #include "firmware/pipeline/link_map.hpp"
 #include "firmware/pipeline/ping_queue.hpp"
 #include "firmware/pipeline/sound_path.hpp"
@@ -124,6 +125,8 @@ struct VehicleCounters {
   std::uint64_t uplink_frames;
   std::uint64_t uplink_rejected;  ///< bad frames, malformed or unknown messages, another survey's
   std::uint64_t resend_requests;
+  std::uint64_t reports;     ///< of the topside
+  std::uint64_t tiles_lost;  ///< tiles in frames that were taken for lost: their cells went again
   PortTally ports[kMaxPorts];
   // Levels, not counts: as of the last cycle.
   std::uint32_t pings_pending;
@@ -161,6 +164,10 @@ class Vehicle {
   /// budget (or one ping where that is larger), the tile budget, the downlink buffer.
   void cycle(const CycleInput& input, CycleOutput& output);
 
+  /// The link starts over: nothing is under way, nobody has reported, and every tile that a ping ever touched
+  /// is owed whole. O(tiles).
+  void restart_link();
+
   [[nodiscard]] const VehicleConfig& config() const { return config_; }
   [[nodiscard]] const VehicleCounters& counters() const { return counters_; }
   /// The clock of a port's device, 0 <= port < kMaxPorts; knows nothing without kPortDeviceClock.
@@ -183,11 +190,13 @@ class Vehicle {
   [[nodiscard]] const proto::CodedCell* link_cells(model::TileId tile) const {
     return link_map_.cells(tile);
   }
-  /// Nothing left to do without new input: no ping pending, no tile stale or unsent. Cycles without
-  /// input lead here.
+  /// Nothing left to do without new input: no ping pending, no tile stale or unsent, and nothing that a
+  /// topside which reports has not confirmed. Cycles without input lead here.
   [[nodiscard]] bool drained() const {
-    return pending_.empty() && stale_.size() == 0 && unsent_.size() == 0;
+    return pending_.empty() && stale_.size() == 0 && unsent_.size() == 0 &&
+           !(ledger_.heard() && ledger_.under_way_frames() > 0);
   }
+  [[nodiscard]] const LinkLedger& ledger() const { return ledger_; }
   /// Pings that the last cycle mapped, oldest first; of more than kMappedKept_count the first. For the
   /// host, which writes soundings beside a map.
   static constexpr std::size_t kMappedKept_count = 32;
@@ -214,6 +223,16 @@ class Vehicle {
     bool outside_said;
     bool origin_said;  ///< a hello has told where NED has its zero
     bool paused;       ///< the last ping was refused for want of a good pose
+    base::TimeUs digest_due_us;
+    base::TimeUs digest_sent_us;
+    base::TimeUs digest_gap_us;
+  };
+  /// Where the topside looks.
+  struct LookedAt {
+    std::int32_t row;  ///< of tiles, in the middle
+    std::int32_t column;
+    std::int32_t radius_tiles;  ///< 0: nowhere
+    base::TimeUs until_us;
   };
 
   [[nodiscard]] static base::Status check(const VehicleConfig& config, std::size_t table_count);
@@ -229,7 +248,11 @@ class Vehicle {
   void take_sample(std::uint8_t port, base::NavSample& sample);
   void take_uplink(const std::uint8_t* data, std::size_t size_bytes);
   [[nodiscard]] std::uint32_t uplink_errors();
+  void take_message(const proto::FrameView& frame);
   void resend(const proto::ResendRequest& request);
+  void owe(model::TileId tile);
+  void take_report(const proto::Report& report);
+  void take_look(const proto::Look& look);
   void map_pings();
   void make_ready();
   void find_echo();
@@ -247,12 +270,20 @@ class Vehicle {
   void send_hello();
   void answer_hello_request();
   [[nodiscard]] bool put(const base::Result<std::size_t>& payload_bytes);
+  [[nodiscard]] bool put_frame(std::size_t payload_bytes, std::size_t tile_count);
+  void settle_lost_frames();
+  void send_digest();
+  void fill_digest(const proto::TileRange& range, proto::Digest& digest) const;
+  [[nodiscard]] std::size_t frame_limit_bytes() const;
+  [[nodiscard]] std::uint32_t favour(model::TileId tile) const;
   void send_status();
   [[nodiscard]] base::Result<std::size_t> encode_full_status(proto::Status& status);
   void send_texts();
   void send_deltas();
   [[nodiscard]] std::uint32_t max_age_ticks() const;
-  [[nodiscard]] bool fill_packet(proto::TilePacketEncoder& packet, model::TileId tile);
+  [[nodiscard]] bool fill_packet(proto::TilePacketEncoder& packet, model::TileId tile,
+                                 std::size_t& tile_count);
+  void note_vehicle_tile();
   void fill_status(proto::Status& status) const;
   [[nodiscard]] std::uint32_t alarms_now() const;
   void update_alarms();
@@ -290,6 +321,13 @@ class Vehicle {
   TileSet stale_;
   TileSet unsent_;
   LinkMap link_map_;
+  LinkLedger ledger_;
+  std::array<FrameTile, proto::kMaxPacketTiles> frame_tiles_{};  ///< of the frame being filled
+  LookedAt looked_at_{};
+  bool vehicle_tile_known_ = false;
+  std::int32_t vehicle_row_ = 0;  ///< of tiles, perhaps outside the grid
+  std::int32_t vehicle_column_ = 0;
+  proto::TileRange digest_asked_{};  ///< count 0: none
   Downlink downlink_;
   proto::FrameDecoderBuffer<proto::kMaxResendRequest_bytes> uplink_;
   std::uint32_t uplink_bad_ = 0;  ///< frames that its decoder had dropped when last looked at

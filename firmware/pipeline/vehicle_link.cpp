@@ -11,11 +11,23 @@ using model::TileId;
 
 // A packet is begun when this much of it can be sent: below, headers eat the line.
 constexpr std::size_t kWorthwhileFrame_bytes = 256;
+// Of frame_limit_bytes().
+constexpr std::size_t kLeastFrames = 32;
+constexpr std::size_t kTypicalTile_bytes = 96;
+constexpr std::uint32_t kLossy_q16 = 65'536 / 20;
+// A digest is said when nothing has been under way for this long.
+constexpr TimeUs kQuiet_us = 300'000;
+constexpr std::size_t kFewTiles = 8;
+// A digest without its hashes.
+constexpr std::size_t kDigestHeader_bytes = 10;
+// Where the topside looked last counts for so long.
+constexpr TimeUs kLook_us = 60'000'000;
 // A port that has not said anything intelligible for this long is silent.
 constexpr TimeUs kSilence_us = 5'000'000;
 // Changes that wait longer than this for the link, in ticks of 32.768 ms: 10 s.
 constexpr std::uint32_t kBehind_ticks = 305;
 constexpr unsigned kTick_log2us = 15;
+constexpr std::uint32_t kTicks_s = 31;
 // Hellos come after this, then after twice as long each time, up to the configured interval.
 constexpr TimeUs kFirstHelloGap_us = 1'000'000;
 // Statuses get this part of the link, and one of so many is a full one.
@@ -73,15 +85,7 @@ void Vehicle::take_uplink(const std::uint8_t* data, std::size_t size_bytes) {
     proto::FrameView frame{};
     if (decoder.feed(data, size_bytes, used, frame)) {
       ++counters_.uplink_frames;
-      const base::Result<proto::ResendRequest> request =
-          proto::decode_resend_request(frame.payload, frame.payload_bytes);
-      if (request.ok() && request.value().survey_tag == survey_tag_) {
-        resend(request.value());
-      } else if (proto::is_hello_request(frame.payload, frame.payload_bytes)) {
-        answer_hello_request();
-      } else {
-        ++counters_.uplink_rejected;
-      }
+      take_message(frame);
     }
     data += used;
     size_bytes -= used;
@@ -90,7 +94,67 @@ void Vehicle::take_uplink(const std::uint8_t* data, std::size_t size_bytes) {
   uplink_bad_ = uplink_errors();
 }
 
-// Sets dirty bits, nothing else. A tile that no ping ever touched is unknown at both ends.
+void Vehicle::take_message(const proto::FrameView& frame) {
+  const auto ours = [this](const auto& message) {
+    return message.ok() && message.value().survey_tag == survey_tag_;
+  };
+  const std::uint8_t* const payload = frame.payload;
+  const std::size_t size = frame.payload_bytes;
+  proto::MessageType type{};
+  const bool known = proto::message_type(payload, size, type);
+  bool taken = false;
+  if (known && type == proto::MessageType::kHelloRequest) {
+    answer_hello_request();
+    taken = true;
+  } else if (known && type == proto::MessageType::kResendRequest) {
+    const auto request = proto::decode_resend_request(payload, size);
+    taken = ours(request);
+    if (taken) {
+      resend(request.value());
+    }
+  } else if (known && type == proto::MessageType::kReport) {
+    const auto report = proto::decode_report(payload, size);
+    taken = ours(report);
+    if (taken) {
+      take_report(report.value());
+    }
+  } else if (known && type == proto::MessageType::kDigestRequest) {
+    const auto request = proto::decode_digest_request(payload, size);
+    taken = ours(request);
+    if (taken) {
+      digest_asked_ = request.value().range;
+    }
+  } else if (known && type == proto::MessageType::kLook) {
+    const auto look = proto::decode_look(payload, size);
+    taken = ours(look);
+    if (taken) {
+      take_look(look.value());
+    }
+  }
+  counters_.uplink_rejected += taken ? 0U : 1U;
+}
+
+// All cells of a tile, as soon as the link has room.
+void Vehicle::owe(TileId tile) {
+  link_map_.force(tile);
+  unsent_.add(tile, TileSet::kMaxWeight, tick_);
+}
+
+void Vehicle::restart_link() {
+  ledger_.reset();
+  digest_asked_ = proto::TileRange{};
+  watch_.digest_gap_us = kFirstHelloGap_us;
+  watch_.digest_sent_us = now_us_;
+  watch_.digest_due_us = now_us_ + kFirstHelloGap_us;
+  for (TileId tile = 0; tile < model_.grid().tile_count(); ++tile) {
+    if (model_.grid().tile(tile).generation != 0) {
+      owe(tile);
+    }
+  }
+}
+
+// Sets dirty bits, nothing else. A tile that no ping ever touched is unknown at both ends; one that is under
+// way to a topside which reports goes again by itself if it is lost.
 void Vehicle::resend(const proto::ResendRequest& request) {
   ++counters_.resend_requests;
   const TileId tile_count = model_.grid().tile_count();
@@ -101,11 +165,53 @@ void Vehicle::resend(const proto::ResendRequest& request) {
     }
     const TileId end = range.first + min_of(range.count, tile_count - range.first);
     for (TileId tile = range.first; tile < end; ++tile) {
-      if (model_.grid().tile(tile).generation != 0) {
-        link_map_.force(tile);
-        unsent_.add(tile, TileSet::kMaxWeight, tick_);
+      const bool on_its_way = ledger_.heard() && link_map_.under_way(tile);
+      if (model_.grid().tile(tile).generation != 0 && !on_its_way) {
+        owe(tile);
       }
     }
+  }
+}
+
+void Vehicle::take_report(const proto::Report& report) {
+  ++counters_.reports;
+  const bool news = !ledger_.heard();
+  ledger_.note_report(now_us_);
+  for (int i = 0; i < report.frame_count; ++i) {
+    ledger_.confirm(report.frame_tags[i], now_us_);
+    FrameTile came{};
+    while (ledger_.next_confirmed(came)) {
+      link_map_.confirm(came.tile, came.epoch);
+    }
+  }
+  if (!news) {
+    return;
+  }
+  // Somebody listens again: what was sent while nobody did.
+  watch_.digest_gap_us = kFirstHelloGap_us;
+  for (TileId tile = 0; tile < model_.grid().tile_count(); ++tile) {
+    if (link_map_.owe_missed(tile)) {
+      unsent_.add(tile, TileSet::kMaxWeight, tick_);
+    }
+  }
+}
+
+void Vehicle::take_look(const proto::Look& look) {
+  const std::int32_t tiles_east = model_.grid().tiles_east();
+  looked_at_.row = static_cast<std::int32_t>(look.tile) / tiles_east;
+  looked_at_.column = static_cast<std::int32_t>(look.tile) % tiles_east;
+  looked_at_.radius_tiles = look.radius_tiles;
+  looked_at_.until_us = now_us_ + kLook_us;
+}
+
+// Frames that are lost by now: their cells are owed again, at once.
+void Vehicle::settle_lost_frames() {
+  FrameTile lost{};
+  const bool idle = unsent_.size() == 0;
+  while (ledger_.next_lost(now_us_, idle, lost)) {
+    ++counters_.tiles_lost;
+    link_map_.lose(lost.tile, lost.epoch, lost.cells);
+    unsent_.add(lost.tile, TileSet::kMaxWeight, tick_);
   }
 }
 
@@ -117,9 +223,147 @@ void Vehicle::answer_hello_request() {
 
 // A frame of `payload_`. What finds no room goes before tile deltas in the cycles to come.
 bool Vehicle::put(const base::Result<std::size_t>& payload_bytes) {
-  const bool done = payload_bytes.ok() && downlink_.put(payload_.data(), payload_bytes.value());
+  const bool done = payload_bytes.ok() && put_frame(payload_bytes.value(), 0);
   frame_waits_ = frame_waits_ || !done;
   return done;
+}
+
+// The frame of `payload_`, noted with its tiles: the first of frame_tiles_. Their cells are under way.
+bool Vehicle::put_frame(std::size_t payload_bytes, std::size_t tile_count) {
+  if (!downlink_.put(payload_.data(), payload_bytes)) {
+    return false;
+  }
+  while (!ledger_.has_room(tile_count)) {
+    FrameTile old{};
+    while (ledger_.give_up_oldest(old)) {
+      if (ledger_.heard()) {
+        link_map_.lose(old.tile, old.epoch, old.cells);
+        unsent_.add(old.tile, TileSet::kMaxWeight, tick_);
+      } else {
+        link_map_.give_up(old.tile, old.epoch);
+      }
+    }
+  }
+  ledger_.sent(proto::frame_tag(payload_.data(), payload_bytes), frame_tiles_.data(), tile_count,
+               now_us_);
+  for (std::size_t i = 0; i < tile_count; ++i) {
+    link_map_.note_under_way(frame_tiles_[i].tile);
+  }
+  return true;
+}
+
+void Vehicle::fill_digest(const proto::TileRange& range, proto::Digest& digest) const {
+  const TileId tile_count = model_.grid().tile_count();
+  digest.survey_tag = survey_tag_;
+  digest.first = range.first;
+  const std::uint32_t count = min_of(range.count, tile_count - range.first);
+  // As fine as one frame has room for.
+  const std::size_t room_bytes = proto::max_payload_bytes(downlink_.longest_frame_bytes());
+  const auto most = static_cast<std::uint32_t>(
+      min_of<std::size_t>(proto::kMaxDigestHashes, (room_bytes - kDigestHeader_bytes) / 4));
+  while ((((count - 1) >> digest.tiles_log2) + 1) > most) {
+    ++digest.tiles_log2;
+  }
+  const std::uint32_t step = 1U << digest.tiles_log2;
+  for (std::uint32_t at = 0; at < count; at += step) {
+    std::uint64_t hash = proto::kFnvOffset;
+    const TileId begin = range.first + at;
+    const TileId end = begin + min_of(step, tile_count - begin);
+    for (TileId tile = begin; tile < end; ++tile) {
+      hash = proto::add_digest_tile(hash, link_map_.hash32(tile));
+    }
+    digest.hashes[digest.hash_count] = step == 1 ? link_map_.hash32(begin) : proto::fold_hash(hash);
+    ++digest.hash_count;
+  }
+}
+
+// The answer to a digest request; of its own accord one hash over everything when the map rests, after gaps that
+// double while it does.
+void Vehicle::send_digest() {
+  if (!ledger_.heard()) {
+    return;
+  }
+  proto::Digest digest{};
+  if (digest_asked_.count != 0) {
+    if (digest_asked_.first < model_.grid().tile_count()) {
+      fill_digest(digest_asked_, digest);
+      if (!put(proto::encode_digest(digest, payload_.data(), payload_.size()))) {
+        return;
+      }
+    }
+    digest_asked_ = proto::TileRange{};
+    return;
+  }
+  if (ledger_.under_way_frames() > 0) {
+    watch_.digest_gap_us = kFirstHelloGap_us;
+    watch_.digest_due_us = now_us_ + kQuiet_us;
+    return;
+  }
+  // A map that never rests has its word between two batches, rarely; a link that is behind has better to do.
+  const bool rests = unsent_.size() == 0;
+  const bool behind =
+      unsent_.size() > kFewTiles || unsent_.oldest_age(tick_) > max_age_ticks() + kTicks_s;
+  if (now_us_ < watch_.digest_due_us || behind ||
+      (!rests && now_us_ < watch_.digest_sent_us + config_.link.hello_interval_us)) {
+    return;
+  }
+  digest.survey_tag = survey_tag_;
+  digest.tiles_log2 = proto::kMaxDigestLog2;
+  digest.hash_count = 1;
+  std::uint64_t hash = proto::kFnvOffset;
+  for (TileId tile = 0; tile < model_.grid().tile_count(); ++tile) {
+    hash = proto::add_digest_tile(hash, link_map_.hash32(tile));
+  }
+  digest.hashes[0] = proto::fold_hash(hash);
+  if (put(proto::encode_digest(digest, payload_.data(), payload_.size()))) {
+    watch_.digest_sent_us = now_us_;
+    watch_.digest_due_us = now_us_ + watch_.digest_gap_us;
+    watch_.digest_gap_us = min_of<TimeUs>(2 * watch_.digest_gap_us, config_.link.hello_interval_us);
+  }
+}
+
+// The longest frame of cells: a slow link is not to be deaf for more than about a second; and where frames
+// are lost, what is left goes in many short ones rather than in a few long: one loss then costs little, and
+// what the last ones cost does not hang on luck.
+std::size_t Vehicle::frame_limit_bytes() const {
+  const std::size_t longest = downlink_.longest_frame_bytes();
+  if (ledger_.loss_q16() <= kLossy_q16) {
+    return longest;
+  }
+  const std::size_t backlog_bytes = unsent_.size() * kTypicalTile_bytes;
+  return min_of(longest, base::max_of(backlog_bytes / kLeastFrames, kLeastBurst_bytes));
+}
+
+// What is near the vehicle, or looked at, goes first.
+std::uint32_t Vehicle::favour(TileId tile) const {
+  const std::int32_t tiles_east = model_.grid().tiles_east();
+  const auto row = static_cast<std::int32_t>(tile) / tiles_east;
+  const auto column = static_cast<std::int32_t>(tile) % tiles_east;
+  std::uint32_t favour = 0;
+  const auto distance = [](std::int32_t a, std::int32_t b) { return a < b ? b - a : a - b; };
+  if (vehicle_tile_known_) {
+    const std::int32_t tiles =
+        base::max_of(distance(row, vehicle_row_), distance(column, vehicle_column_));
+    favour = tiles < 8 ? static_cast<std::uint32_t>(8 - tiles) * 12 : 0U;
+  }
+  const bool looked_at = looked_at_.radius_tiles > 0 && now_us_ < looked_at_.until_us &&
+                         distance(row, looked_at_.row) <= looked_at_.radius_tiles &&
+                         distance(column, looked_at_.column) <= looked_at_.radius_tiles;
+  return favour + (looked_at ? 128U : 0U);
+}
+
+// Which tile the vehicle is over, once a cycle.
+void Vehicle::note_vehicle_tile() {
+  const base::Pose& pose = navigator_.latest();
+  vehicle_tile_known_ = (pose.validity & base::kPoseHorizontal) != 0;
+  const auto tile_of = [this, &pose](std::size_t axis) {
+    const std::int64_t cells =
+        (pose.position_um[axis] / 1000 - config_.model.origin_mm[axis]) / config_.model.cell_mm;
+    return static_cast<std::int32_t>(
+        base::clamp<std::int64_t>(cells / model::kTileCells, -32768, 32767));
+  };
+  vehicle_row_ = tile_of(base::kNorth);
+  vehicle_column_ = tile_of(base::kEast);
 }
 
 void Vehicle::send_hello() {
@@ -153,7 +397,7 @@ void Vehicle::send_hello() {
     hello.table_crc[i] = table_crc_[i];
   }
   proto::name_survey(hello, config_.survey_name, config_.vertical_datum,
-                     proto::max_payload_bytes(config_.link.mtu_bytes));
+                     proto::max_payload_bytes(downlink_.longest_frame_bytes()));
   if (put(proto::encode_hello(hello, payload_.data(), payload_.size()))) {
     watch_.origin_said = has_origin;
     watch_.hello_gap_us = min_of<TimeUs>(news ? kFirstHelloGap_us : 2 * watch_.hello_gap_us,
@@ -193,7 +437,7 @@ void Vehicle::send_status() {
 // With as many ports as the MTU has room for. kFull: not even without them.
 base::Result<std::size_t> Vehicle::encode_full_status(proto::Status& status) {
   const std::size_t capacity =
-      min_of(payload_.size(), proto::max_payload_bytes(config_.link.mtu_bytes));
+      min_of(payload_.size(), proto::max_payload_bytes(downlink_.longest_frame_bytes()));
   base::Result<std::size_t> size = proto::encode_status(status, payload_.data(), capacity);
   while (!size.ok() && status.port_count > 0) {
     --status.port_count;
@@ -343,17 +587,24 @@ std::uint32_t Vehicle::max_age_ticks() const {
 // Headers are what single cells cost: nothing is sent before a tile has waited for max_tile_age_us, or all of
 // one has changed or is asked for; then whatever else waits goes along.
 void Vehicle::send_deltas() {
-  const std::size_t worthwhile =
-      min_of<std::size_t>(kWorthwhileFrame_bytes, config_.link.mtu_bytes);
+  note_vehicle_tile();
+  const auto favoured = [this](TileId tile) { return favour(tile); };
   TileId tile = 0;
-  while (!frame_waits_ && downlink_.free_bytes() >= worthwhile &&
-         unsent_.best_due(tick_, TileSet::kMaxWeight, max_age_ticks(), tile)) {
-    proto::TilePacketEncoder packet(payload_.data(), downlink_.free_payload_bytes(), survey_tag_);
-    const bool more = fill_packet(packet, tile);
+  while (!frame_waits_ &&
+         unsent_.best_due(tick_, TileSet::kMaxWeight, max_age_ticks(), favoured, tile)) {
+    const std::size_t limit = frame_limit_bytes();
+    if (downlink_.free_bytes() < min_of(limit, kWorthwhileFrame_bytes)) {
+      return;
+    }
+    proto::TilePacketEncoder packet(
+        payload_.data(), min_of(downlink_.free_payload_bytes(), proto::max_payload_bytes(limit)),
+        survey_tag_);
+    std::size_t tile_count = 0;
+    const bool more = fill_packet(packet, tile, tile_count);
     const std::size_t size = packet.finish();
     const std::uint64_t before = downlink_.total_bytes();
-    // free_payload_bytes() is a promise: put() does not refuse.
-    if (size == 0 || !downlink_.put(payload_.data(), size)) {
+    // free_payload_bytes() is a promise: put_frame() does not refuse.
+    if (size == 0 || !put_frame(size, tile_count)) {
       return;
     }
     ++counters_.tile_deltas;
@@ -365,7 +616,8 @@ void Vehicle::send_deltas() {
 }
 
 // Fills a packet from the unsent tiles, `tile` first; false when they are used up.
-bool Vehicle::fill_packet(proto::TilePacketEncoder& packet, TileId tile) {
+bool Vehicle::fill_packet(proto::TilePacketEncoder& packet, TileId tile, std::size_t& tile_count) {
+  const auto favoured = [this](TileId other) { return favour(other); };
   TileCells present;
   do {
     link_map_.present(model_, tile, present);
@@ -382,6 +634,8 @@ bool Vehicle::fill_packet(proto::TilePacketEncoder& packet, TileId tile) {
     if (!added.ok()) {
       return true;
     }
+    frame_tiles_[tile_count] = FrameTile{tile, link_map_.epoch(tile), false, taken};
+    ++tile_count;
     counters_.cells_sent += static_cast<std::uint64_t>(added.value());
     const auto changed = static_cast<std::uint64_t>(link_map_.sent(tile, present, taken));
     counters_.cells_changed += changed;
@@ -391,7 +645,7 @@ bool Vehicle::fill_packet(proto::TilePacketEncoder& packet, TileId tile) {
       return true;
     }
     unsent_.remove(tile);
-  } while (unsent_.best(tick_, tile));
+  } while (unsent_.best_due(tick_, 0, 0, favoured, tile));
   return false;
 }
 

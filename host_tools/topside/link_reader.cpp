@@ -9,8 +9,6 @@
 namespace leadline::host {
 namespace {
 
-// Tiles that miss something are asked for this often; by then the vehicle's own next word may have come.
-constexpr double kResendEvery_s = 2.0;
 // A whole read of a socket at a time, and no more of them before the clock is looked at.
 constexpr std::size_t kRead_bytes = 65536;
 constexpr int kReadsPerRound = 64;
@@ -56,16 +54,15 @@ std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
 }
 
 void LinkReader::ask_again(Receiver* receiver, double now_s) {
-  if (asked_s_ == 0.0) {
-    asked_s_ = now_s;
-  }
-  if (is_file_ || now_s - asked_s_ < kResendEvery_s) {
+  if (is_file_) {
     return;
   }
-  asked_s_ = now_s;
-  const std::vector<std::uint8_t> request = receiver->resend_request();
-  if (!request.empty() && port_->write_room() >= request.size()) {
-    (void)port_->write(request.data(), request.size());
+  const auto now_us = static_cast<base::TimeUs>(now_s * 1e6);
+  for (std::vector<std::uint8_t> frame = receiver->uplink(now_us); !frame.empty();
+       frame = receiver->uplink(now_us)) {
+    if (port_->write_room() >= frame.size()) {
+      (void)port_->write(frame.data(), frame.size());
+    }
   }
 }
 

@@ -23,8 +23,7 @@ class LinkReader {
   /// Feeds what has come, at most so much that a flood lets the caller look at its clock in between.
   /// Returns the bytes. Passes on what Receiver::feed throws.
   std::size_t read_some(Receiver* receiver, double now_s);
-  /// Sends the receiver's request, if it has one and the port room for it; at most every
-  /// kResendEvery_s.
+  /// Sends what the receiver has to say up (Receiver::uplink), as the port has room for it.
   void ask_again(Receiver* receiver, double now_s);
   /// Waits for bytes, at most so long.
   void wait(int timeout_ms) const;
@@ -43,7 +42,6 @@ class LinkReader {
   std::unique_ptr<hal::LinuxPort> port_;
   hal::PortWatch watch_;
   std::vector<std::uint8_t> buffer_;
-  double asked_s_ = 0.0;
 };
 
 /// "warning: ", "error: ", or nothing.

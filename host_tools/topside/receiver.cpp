@@ -10,6 +10,10 @@ namespace {
 
 /// Packets that are kept for a hello: more than a vehicle sends between two hellos on a fast link.
 constexpr std::size_t kMaxEarlyPackets = 4096;
+constexpr std::uint8_t kFirstMinorWithReports = 1;
+// Of a vehicle that takes no reports, tiles that miss something are asked for this often; by then the
+// vehicle's own next word may have come.
+constexpr base::TimeUs kAskEvery_us = 2'000'000;
 
 std::string survey_text(const proto::Hello& hello) {
   const std::string name(hello.survey_name.text, hello.survey_name.size_bytes);
@@ -110,6 +114,8 @@ void Receiver::take(const proto::FrameView& frame) {
   }
   if (type < proto::MessageType::kResendRequest) {
     counters_.link_bytes += wire_bytes_;
+    const bool news = type == proto::MessageType::kTileDelta;
+    planner_.note_frame(proto::frame_tag(frame.payload, frame.payload_bytes), wire_bytes_, news);
   }
   switch (type) {
     case proto::MessageType::kHello:
@@ -127,8 +133,14 @@ void Receiver::take(const proto::FrameView& frame) {
     case proto::MessageType::kText:
       take_text(frame);
       break;
+    case proto::MessageType::kDigest:
+      take_digest(frame);
+      break;
     case proto::MessageType::kResendRequest:
     case proto::MessageType::kHelloRequest:
+    case proto::MessageType::kReport:
+    case proto::MessageType::kDigestRequest:
+    case proto::MessageType::kLook:
       break;  // the echo of our own
     case proto::MessageType::kLogEnd:
       take_end(frame);
@@ -186,6 +198,7 @@ void Receiver::take_hello(const proto::FrameView& frame) {
                " of the protocol: what this program does not know of it is passed over");
   }
   store_ = std::make_unique<TileStore>(said);
+  planner_.restart();
   if (on_begun) {
     on_begun(*store_);
   }
@@ -278,6 +291,18 @@ void Receiver::take_text(const proto::FrameView& frame) {
   notice(text.value().severity, std::string(text.value().text, text.value().size_bytes));
 }
 
+void Receiver::take_digest(const proto::FrameView& frame) {
+  const auto digest = proto::decode_digest(frame.payload, frame.payload_bytes);
+  if (!digest.ok()) {
+    counters_.malformed += 1;
+    return;
+  }
+  counters_.digests += 1;
+  if (store_ && digest.value().survey_tag == store_->tag()) {
+    planner_.note_digest(digest.value(), *store_);
+  }
+}
+
 void Receiver::take_end(const proto::FrameView& frame) {
   const auto end = proto::decode_log_end(frame.payload, frame.payload_bytes);
   if (end.ok()) {
@@ -336,6 +361,21 @@ proto::ResendRequest Receiver::wanted() {
   }
   cells_lost_when_asked_ = cells_lost_;
   return store_->everything();
+}
+
+std::vector<std::uint8_t> Receiver::uplink(base::TimeUs now_us) {
+  if (store_ && store_->hello().protocol_minor >= kFirstMinorWithReports) {
+    const std::vector<std::uint8_t> payload = planner_.next(now_us, *store_, status_);
+    return payload.empty() ? payload : framed(payload.data(), payload.size());
+  }
+  if (asked_us_ && now_us - *asked_us_ < kAskEvery_us) {
+    return {};
+  }
+  std::vector<std::uint8_t> request = resend_request();
+  if (!request.empty()) {
+    asked_us_ = now_us;
+  }
+  return request;
 }
 
 std::vector<std::uint8_t> Receiver::resend_request() {

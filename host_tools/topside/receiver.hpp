@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "host_tools/topside/tile_store.hpp"
+#include "host_tools/topside/uplink_planner.hpp"
 #include "proto/framing.hpp"
 #include "proto/messages.hpp"
 
@@ -31,6 +32,7 @@ struct ReceiverCounters {
   std::uint64_t repeated_cells = 0;  ///< of these: known already, or older than what is known
   std::uint64_t statuses = 0;        ///< full ones and briefs
   std::uint64_t texts = 0;
+  std::uint64_t digests = 0;
   std::uint64_t log_records = 0;    ///< records of a vehicle's log between the frames (file:)
   std::uint64_t unknown_types = 0;  ///< messages of a newer minor
   std::uint64_t malformed = 0;      ///< right CRC, but no message: a foreign sender
@@ -80,7 +82,16 @@ class Receiver {
 
   /// Texts of the vehicle and findings of the receiver since the last call.
   [[nodiscard]] std::vector<ReceiverNotice> take_notices();
-  /// The request frame for what is missing, empty when nothing is; goes round from call to call.
+  /// What to send up now, framed; empty: nothing. To be called every 50 ms or oftener with a clock that does
+  /// not go back. Paces itself: a tenth of what the vehicle sends at most. A vehicle of minor 1 is told which
+  /// frames came, and asked where its map differs; an older one is asked every 2 s for what is missing.
+  [[nodiscard]] std::vector<std::uint8_t> uplink(base::TimeUs now_us);
+  /// The topside looks at these tiles: they go before others. Radius 0: at nothing any more.
+  void look(std::uint32_t tile, std::uint8_t radius_tiles) { planner_.look(tile, radius_tiles); }
+  /// Whether the vehicle's last word over its whole map (a digest) was this map's own.
+  [[nodiscard]] bool agreed() const { return planner_.agreed(); }
+  /// For vehicles of minor 0. The request frame for what is missing, empty when nothing is; goes round from
+  /// call to call.
   /// Missing are tiles whose hash says so; and, once a status tells that the vehicle has nothing more to
   /// send, tiles that it knows and that never came (who joins late), and everything, when it has sent
   /// more cells than came (the last word about a tile was lost: no hash tells). While frames come and no
@@ -95,6 +106,7 @@ class Receiver {
   void take_brief(const proto::FrameView& frame);
   void compare_sent(bool first);
   void take_text(const proto::FrameView& frame);
+  void take_digest(const proto::FrameView& frame);
   void take_end(const proto::FrameView& frame);
   void notice(proto::Severity severity, std::string text);
   [[nodiscard]] proto::ResendRequest wanted();
@@ -121,6 +133,8 @@ class Receiver {
   std::uint32_t cells_made_up_ = 0;
   std::optional<std::uint32_t> cells_lost_when_asked_;
   bool foreign_noticed_ = false;
+  UplinkPlanner planner_;
+  std::optional<base::TimeUs> asked_us_;  ///< resend_request(), last time
 };
 
 /// "mapping paused, no pose", "" for none. Bits that are not known are named by number.

@@ -182,6 +182,11 @@ std::uint64_t TileStore::cells_hash() const {
   return hash;
 }
 
+std::uint32_t TileStore::hash32(std::uint32_t tile) const {
+  static const std::uint32_t unknown = proto::fold_hash(proto::tile_hash(Tile().cells));
+  return tiles_[tile] ? proto::fold_hash(proto::tile_hash(tiles_[tile]->cells)) : unknown;
+}
+
 std::uint32_t TileStore::tiles_incomplete() const {
   std::uint32_t count = 0;
   for (const std::unique_ptr<Tile>& tile : tiles_) {

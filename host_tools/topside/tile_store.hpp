@@ -80,6 +80,9 @@ class TileStore {
   /// 64-bit hash of all coded cells: the cells_hash of proto/cell.hpp. O(grid).
   [[nodiscard]] std::uint64_t cells_hash() const;
 
+  /// hash32 of a tile as it stands here, whether anything came of it or not. O(tile).
+  [[nodiscard]] std::uint32_t hash32(std::uint32_t tile) const;
+
   /// Tiles of which something is known to be missing: the newest delta's hash is not the tile's.
   [[nodiscard]] std::uint32_t tiles_incomplete() const;
   /// Up to proto::kMaxResendRanges ranges of such tiles, ascending; the first `after` tile numbers are

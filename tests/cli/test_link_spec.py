@@ -15,6 +15,7 @@ NEIGHBOURS = [(0, -1, 128), (-1, 0, 128), (-1, -1, 32), (-1, 1, 32), (0, -2, 8),
               (-1, -2, 8), (-1, 2, 8), (-2, -1, 8), (-2, 1, 8), (-2, -2, 4), (-2, 2, 4)]
 LEVELS = [3, 5, 7, 10, 14, 20, 28, 44, 72, 160]
 MAX_DEPTH = 524288
+DIGEST_OF_TWO = 0xD9D65743
 
 
 def section(title):
@@ -31,6 +32,24 @@ def fences(title):
 
 def as_bytes(text):
     return bytes(int(pair, 16) for pair in text.split())
+
+
+def as_lines(text):
+    return [as_bytes(line) for line in text.splitlines()]
+
+
+def number(data):
+    return int.from_bytes(data, "little")
+
+
+def varint(data, at):
+    """Value, and where the next field begins."""
+    value, shift = 0, 0
+    while True:
+        value |= (data[at] & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if data[at - 1] < 0x80:
+            return value, at
 
 
 def crc32c(data):
@@ -380,6 +399,38 @@ class Messages(unittest.TestCase):
         self.assertEqual(texts(hello[:2] + b"\0" + hello[3:least]), [])
         # What the text says of the least MTU: delimiters, COBS code and CRC are the frame's share.
         self.assertEqual(128 - 2 - 1 - 4 - (86 + 4 + 2), 29)
+
+    def test_messages_of_a_bad_tether(self):
+        report, digest, both = (as_lines(text) for text in fences("Vectors of the messages")[-3:])
+        type_, tag, count = report[0][0], number(report[0][1:3]), report[0][3]
+        self.assertEqual((type_, tag, count), (0x42, 0x1234, 2))
+        self.assertEqual([number(report[0][4:6]), number(report[0][6:8])], [0xA1B2, 0x0003])
+        self.assertEqual(len(report[0]), 4 + 2 * count)
+
+        first, at = varint(digest[0], 3)
+        log2, count = digest[0][at], digest[0][at + 1]
+        self.assertEqual((digest[0][0], first, log2, count), (0x06, 300, 2, 2))
+        hashes = [number(digest[0][at + 2 + 4 * k:at + 6 + 4 * k]) for k in range(count)]
+        self.assertEqual(hashes, [0x01020304, 0xFFFFFFFE])
+
+        first, at = varint(both[0], 3)
+        less, at = varint(both[0], at)
+        self.assertEqual((both[0][0], first, first + less, at), (0x43, 300, 363, len(both[0])))
+        tile, at = varint(both[1], 3)
+        self.assertEqual((both[1][0], tile, both[1][at], at + 1), (0x44, 300, 2, len(both[1])))
+
+    def test_a_frame_tag_is_half_of_its_crc(self):
+        frame = as_bytes(re.search(r"`(00 0E [0-9A-F ]*)`", SPEC).group(1))
+        payload = frame[2:11]
+        self.assertEqual(payload, b"123456789")
+        self.assertEqual(number(frame[11:13]), crc32c(payload) & 0xFFFF)
+
+    def test_digest_of_two_tiles(self):
+        # The rule, on the hashes that the cells' vectors state.
+        hashes = [0x8EF0F502, 0xF9E17E01]
+        value = fnv1a(b"".join(each.to_bytes(4, "little") for each in hashes))
+        self.assertEqual(fold(value), DIGEST_OF_TWO)
+        self.assertIn("`%08X`" % DIGEST_OF_TWO, section("Digest"))
 
     def test_brief_and_full_status_agree(self):
         full, brief = (as_bytes(text) for text in fences("Vectors of the messages")[1:3])

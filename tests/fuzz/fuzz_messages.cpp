@@ -44,6 +44,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   check(decode_brief(data, size), data, size, encode_brief);
   check(decode_text(data, size), data, size, encode_text);
   check(decode_resend_request(data, size), data, size, encode_resend_request);
+  check(decode_digest(data, size), data, size, encode_digest);
+  check(decode_report(data, size), data, size, encode_report);
+  check(decode_digest_request(data, size), data, size, encode_digest_request);
+  check(decode_look(data, size), data, size, encode_look);
   check(decode_log_header(data, size), data, size, encode_log_header);
   check(decode_log_chunk(data, size), data, size, encode_log_chunk);
   check(decode_log_cycle(data, size), data, size, encode_log_cycle);

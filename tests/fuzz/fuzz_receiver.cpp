@@ -33,5 +33,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   (void)receiver.take_notices();
   (void)receiver.resend_request();
+  // Whatever came, it finds an end of what it has to say.
+  int frames = 0;
+  while (!receiver.uplink(5'000'000).empty()) {
+    frames += 1;
+    check(frames < 1000);
+  }
   return 0;
 }

@@ -171,7 +171,7 @@ TEST(the_byte_budget_holds_in_every_span_of_time) {
     config.link.mtu_bytes = 200;
     config.link.max_tile_age_us = 0;  // as much to say as can be
     configure_rig(vehicle, config);
-    const double burst = std::max(rate / 4.0, 2.0 * 200.0);
+    const double burst = std::max(200.0, rate / 8.0) + rate / 16.0;
     std::deque<std::pair<TimeUs, std::size_t>> sent;
     std::size_t total = 0;
     RigOptions options;

@@ -185,24 +185,24 @@ TEST(the_set_agrees_with_a_map) {
 
 TEST(the_downlink_counts_every_byte) {
   downlink.configure(1000, 200);
-  assert_int_equal(downlink.burst_bytes(), 400);
+  assert_int_equal(downlink.burst_bytes(), 262);
+  assert_int_equal(downlink.longest_frame_bytes(), 200);
   downlink.begin_cycle(0, 10'000);
   std::uint8_t payload[300] = {1, 2, 3};
   std::vector<std::uint8_t> all;
-  // The bucket is full: two frames of 200.
+  // The bucket is full: one frame of 200, and not half another.
   const std::size_t most = downlink.free_payload_bytes();
   assert_int_equal(leadline::proto::frame_bound_bytes(most) <= 200, 1);
   assert_true(downlink.put(payload, most));
-  assert_false(downlink.put(payload, 250));  // longer than the MTU
-  assert_true(downlink.put(payload, most));
-  assert_false(downlink.put(payload, most));  // no tokens
+  assert_false(downlink.put(payload, most / 2));  // no tokens
   all.insert(all.end(), downlink.data(), downlink.data() + downlink.size_bytes());
   downlink.begin_cycle(10'000, 10'000);  // 10 bytes more
   assert_int_equal(downlink.size_bytes(), 0);
+  assert_false(downlink.put(payload, 250));  // longer than the MTU
   assert_true(downlink.put(payload, 1));
   all.insert(all.end(), downlink.data(), downlink.data() + downlink.size_bytes());
   assert_int_equal(downlink.total_bytes(), all.size());
-  assert_int_equal(downlink.total_frames(), 3);
+  assert_int_equal(downlink.total_frames(), 2);
   std::uint64_t hash = leadline::proto::kFnvOffset;
   for (const std::uint8_t byte : all) {
     hash = (hash ^ byte) * leadline::proto::kFnvPrime;
@@ -213,7 +213,16 @@ TEST(the_downlink_counts_every_byte) {
   assert_int_equal(downlink.free_bytes(), 9);
   assert_false(downlink.put(payload, 8));
   downlink.begin_cycle(0, UINT32_MAX);
-  assert_int_equal(downlink.free_bytes(), 400);
+  assert_int_equal(downlink.free_bytes(), 262);
+  // A second's worth is the most that goes at once, an eighth where that is more than a frame; but some frame goes
+  // over any link.
+  downlink.configure(960, 1200);
+  assert_int_equal(downlink.longest_frame_bytes(), 960);
+  downlink.configure(120, 1200);
+  assert_int_equal(downlink.longest_frame_bytes(), leadline::firmware::kLeastBurst_bytes);
+  downlink.configure(100'000, 1200);
+  assert_int_equal(downlink.longest_frame_bytes(), 1200);
+  assert_int_equal(downlink.burst_bytes(), 12'500 + 6'250);
   // And so does the buffer.
   downlink.configure(UINT32_MAX, 1400);
   downlink.begin_cycle(1'000'000, UINT32_MAX);

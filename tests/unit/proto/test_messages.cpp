@@ -193,7 +193,7 @@ TEST(resend_request_is_as_specified) {
 
 TEST(schema_text_stands_in_the_specification) {
   assert_string_equal(schema_text(), spec_block("# Schema\n").c_str());
-  assert_int_equal(schema_hash(), 0xA40E0EC6);
+  assert_int_equal(schema_hash(), 0xC14901A0);
 }
 
 TEST(largest_messages_fit_their_bounds) {
@@ -409,7 +409,7 @@ TEST(types_are_known_or_skipped) {
     known += is_known ? 1 : 0;
     assert_true(!is_known || static_cast<int>(type) == byte);
   }
-  assert_int_equal(known, 14);
+  assert_int_equal(known, 18);
   MessageType type{};
   assert_false(message_type(nullptr, 0, type));
 }
@@ -438,6 +438,65 @@ TEST(random_messages_survive_the_round) {
       assert_memory_equal(again.data(), bad.data(), again.size());
     }
   }
+}
+
+/// The k-th line of the block behind `mark`.
+Bytes spec_line(const std::string& mark, std::size_t k) {
+  std::string block = leadline::test::spec_block(mark);
+  for (; k > 0; --k) {
+    block.erase(0, block.find('\n') + 1);
+  }
+  return leadline::test::from_hex(block.substr(0, block.find('\n') + 1));
+}
+
+TEST(a_report_is_as_specified) {
+  Report report{};
+  report.survey_tag = 0x1234;
+  report.frame_count = 2;
+  report.frame_tags[0] = 0xA1B2;
+  report.frame_tags[1] = 3;
+  check_contract(report, spec_bytes("Report: tag `1234`"), encode_report, decode_report);
+  report.frame_count = kMaxReportFrames + 1;
+  std::uint8_t room[512];
+  assert_int_equal(static_cast<int>(encode_report(report, room, sizeof room).status()),
+                   static_cast<int>(BaseStatus::kOutOfRange));
+  const Bytes many = {0x42, 0, 0, 65};
+  assert_int_equal(static_cast<int>(decode_report(many.data(), many.size()).status()),
+                   static_cast<int>(BaseStatus::kOutOfRange));
+}
+
+TEST(digests_and_their_requests_are_as_specified) {
+  Digest digest{};
+  digest.survey_tag = 0x1234;
+  digest.first = 300;
+  digest.tiles_log2 = 2;
+  digest.hash_count = 2;
+  digest.hashes[0] = 0x01020304;
+  digest.hashes[1] = 0xFFFFFFFE;
+  check_contract(digest, spec_bytes("Digest: tag `1234`"), encode_digest, decode_digest);
+  std::uint8_t room[512];
+  const auto refused = [&room](const Digest& wrong) {
+    return encode_digest(wrong, room, sizeof room).status() == BaseStatus::kOutOfRange;
+  };
+  Digest wrong = digest;
+  wrong.hash_count = 0;
+  assert_true(refused(wrong));
+  wrong.hash_count = kMaxDigestHashes + 1;
+  assert_true(refused(wrong));
+  wrong = digest;
+  wrong.tiles_log2 = kMaxDigestLog2 + 1;
+  assert_true(refused(wrong));
+  wrong = digest;
+  wrong.first = kMaxTiles;
+  assert_true(refused(wrong));
+
+  check_contract(DigestRequest{0x1234, {300, 64}}, spec_line("Digest request: tag `1234`", 0),
+                 encode_digest_request, decode_digest_request);
+  const Bytes beyond = {0x43, 0, 0, 0xFF, 0xFF, 0xFF, 0x07, 1};  // 2^24 - 1 and one more
+  assert_int_equal(static_cast<int>(decode_digest_request(beyond.data(), beyond.size()).status()),
+                   static_cast<int>(BaseStatus::kOutOfRange));
+  check_contract(Look{0x1234, 300, 2}, spec_line("Digest request: tag `1234`", 1), encode_look,
+                 decode_look);
 }
 
 }  // namespace

@@ -1,0 +1,196 @@
+#include "firmware/pipeline/link_ledger.hpp"
+
+#include "model/base/fixed.hpp"
+
+namespace leadline::firmware {
+namespace {
+
+using base::max_of;
+using base::min_of;
+using base::TimeUs;
+
+// Before a round trip was measured. A frame waits at least a few cycles for its report, and never for ever.
+constexpr TimeUs kFirstPatience_us = 5'000'000;
+constexpr TimeUs kLeastPatience_us = 40'000;
+constexpr TimeUs kMostPatience_us = 60'000'000;
+constexpr int kMostHasty = 2;
+constexpr std::uint32_t kFirstLoss_q16 = 19'661;
+// The estimate follows the last 16 frames.
+constexpr unsigned kLossMemory_log2 = 4;
+
+}  // namespace
+
+void LinkLedger::reset() {
+  first_ = end_ = tiles_end_ = newest_confirmed_ = 0;
+  under_way_ = 0;
+  telling_count_ = 0;
+  given_up_ = 0;
+  round_trip_us_ = deviation_us_ = latest_us_ = 0;
+  waiting_since_us_ = 0;
+  last_report_us_ = 0;
+  waiting_ = false;
+  timeouts_ = 0;
+  loss_q16_ = kFirstLoss_q16;
+  heard_ = false;
+}
+
+bool LinkLedger::has_room(std::size_t tile_count) const {
+  const std::uint32_t used = end_ == first_ ? 0 : tiles_end_ - frame(first_).first_tile;
+  return end_ - first_ < kFrames && used + tile_count <= kFrameTiles;
+}
+
+// The oldest frames of the ring whose fate is known make room.
+void LinkLedger::forget_resolved() {
+  while (first_ != end_ && frame(first_).state != State::kUnderWay) {
+    ++first_;
+  }
+  if (static_cast<std::int32_t>(newest_confirmed_ - first_) < 0) {
+    newest_confirmed_ = first_;
+  }
+}
+
+bool LinkLedger::give_up_oldest(FrameTile& tile) {
+  const Frame& oldest = frame(first_);
+  if (given_up_ < oldest.tile_count) {
+    tile = tiles_[(oldest.first_tile + given_up_) % kFrameTiles];
+    ++given_up_;
+    return true;
+  }
+  given_up_ = 0;
+  resolve(first_, State::kLost);
+  forget_resolved();
+  return false;
+}
+
+void LinkLedger::sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count,
+                      TimeUs now_us) {
+  for (std::size_t i = 0; i < tile_count; ++i) {
+    tiles_[(tiles_end_ + i) % kFrameTiles] = tiles[i];
+  }
+  frame(end_) =
+      Frame{now_us, tiles_end_, tag, static_cast<std::uint8_t>(tile_count), State::kUnderWay};
+  if (tile_count > 0 && !waiting_) {
+    waiting_ = true;
+    waiting_since_us_ = now_us;
+  }
+  ++end_;
+  tiles_end_ += static_cast<std::uint32_t>(tile_count);
+  under_way_ += tile_count > 0 ? 1U : 0U;
+}
+
+void LinkLedger::resolve(std::uint32_t number, State state) {
+  Frame& resolved = frame(number);
+  under_way_ -= resolved.tile_count > 0 ? 1U : 0U;
+  resolved.state = state;
+}
+
+void LinkLedger::learn_round_trip(TimeUs measured_us) {
+  latest_us_ = measured_us;
+  if (round_trip_us_ == 0) {
+    round_trip_us_ = measured_us;
+    deviation_us_ = measured_us / 2;
+    return;
+  }
+  const TimeUs off_us = measured_us - round_trip_us_;
+  deviation_us_ += ((off_us < 0 ? -off_us : off_us) - deviation_us_) / 4;
+  round_trip_us_ += off_us / 8;
+}
+
+TimeUs LinkLedger::patience_us() const {
+  const TimeUs once_us =
+      round_trip_us_ == 0 ? kFirstPatience_us : round_trip_us_ + 3 * deviation_us_;
+  const TimeUs limited_us = base::clamp(once_us, kLeastPatience_us, kMostPatience_us);
+  return min_of(limited_us << static_cast<unsigned>(timeouts_), kMostPatience_us);
+}
+
+void LinkLedger::note_report(TimeUs now_us) {
+  heard_ = true;
+  timeouts_ = 0;
+  last_report_us_ = now_us;
+  waiting_ = under_way_ > 0;
+  waiting_since_us_ = now_us;
+}
+
+void LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
+  for (std::uint32_t number = first_; number != end_; ++number) {
+    Frame& each = frame(number);
+    if (each.tag != tag || each.state != State::kUnderWay) {
+      continue;
+    }
+    resolve(number, State::kConfirmed);
+    if (static_cast<std::int32_t>(number + 1 - newest_confirmed_) > 0) {
+      newest_confirmed_ = number + 1;
+      // A frame that others overtook, or that is reported again, says nothing of the round trip.
+      learn_round_trip(max_of<TimeUs>(now_us - each.sent_us, 1));
+    }
+    loss_q16_ -= loss_q16_ >> kLossMemory_log2;
+    telling_ = each.first_tile;
+    telling_count_ = each.tile_count;
+    return;
+  }
+}
+
+bool LinkLedger::next_confirmed(FrameTile& tile) {
+  if (telling_count_ == 0) {
+    forget_resolved();
+    return false;
+  }
+  tile = tiles_[telling_ % kFrameTiles];
+  ++telling_;
+  --telling_count_;
+  return true;
+}
+
+bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
+  if (telling_count_ == 0) {
+    if (!heard_) {
+      return false;
+    }
+    // What a report could have named and did not was lost. Without a report nothing is known: reports are lost,
+    // too. A line that has nothing else to carry may as well carry it again. Where a queue grows, the newest round
+    // trip is the one to go by.
+    const TimeUs lately_us = latest_us_ + latest_us_ / 2;
+    const TimeUs named_us =
+        max_of(max_of(round_trip_us_ + 2 * deviation_us_, lately_us), kLeastPatience_us);
+    const TimeUs silence_us =
+        idle && timeouts_ < kMostHasty && round_trip_us_ != 0 ? named_us : 3 * patience_us();
+    for (std::uint32_t number = first_; number != end_ && telling_count_ == 0; ++number) {
+      Frame& each = frame(number);
+      if (each.state != State::kUnderWay) {
+        continue;
+      }
+      const bool overtaken = static_cast<std::int32_t>(newest_confirmed_ - 1 - number) >=
+                             static_cast<std::int32_t>(kOvertaken);
+      const bool passed_over = round_trip_us_ != 0 && last_report_us_ - each.sent_us >= named_us;
+      if (!overtaken && !passed_over && now_us - each.sent_us < silence_us) {
+        continue;
+      }
+      resolve(number, State::kLost);
+      loss_q16_ += (65'536U - loss_q16_) >> kLossMemory_log2;
+      telling_ = each.first_tile;
+      telling_count_ = each.tile_count;
+    }
+  }
+  if (telling_count_ == 0) {
+    forget_resolved();
+    // Patience that ended without a word counts once, however many frames it cost.
+    if (waiting_ && now_us - waiting_since_us_ >= patience_us()) {
+      waiting_since_us_ = now_us;
+      ++timeouts_;
+    }
+    if (timeouts_ == kMostTimeouts) {  // nobody listens: what was learned of the line is old
+      heard_ = false;
+      waiting_ = false;
+      timeouts_ = 0;
+      round_trip_us_ = deviation_us_ = latest_us_ = 0;
+      loss_q16_ = kFirstLoss_q16;
+    }
+    return false;
+  }
+  tile = tiles_[telling_ % kFrameTiles];
+  ++telling_;
+  --telling_count_;
+  return true;
+}
+
+}  // namespace leadline::firmware

@@ -1,0 +1,109 @@
+// Which frames are under way, and what became of them: the topside reports the frames that came, and what
+// later ones overtook, or nobody confirmed in time, was lost.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "model/base/units.hpp"
+#include "model/grid.hpp"
+#include "proto/tile_coder.hpp"
+
+namespace leadline::firmware {
+
+/// What a frame carried of a tile.
+struct FrameTile {
+  model::TileId tile;
+  std::uint8_t epoch;  ///< LinkMap::epoch() when it left
+  bool coarse;         ///< its coarse picture; else cells
+  proto::CellMask cells;
+};
+
+/// A ring of the last frames with their tiles. Frames are named by proto::frame_tag; of equal names under
+/// way the older is meant. 90 KB. Static storage, not thread-safe; time is the vehicle's own and never goes back.
+class LinkLedger {
+ public:
+  static constexpr std::uint32_t kFrames = 256;
+  static constexpr std::uint32_t kFrameTiles = 2048;
+
+  LinkLedger() = default;
+  LinkLedger(const LinkLedger&) = delete;
+  LinkLedger& operator=(const LinkLedger&) = delete;
+
+  /// Forgets all. O(1).
+  void reset();
+
+  /// Whether a frame of `tile_count` tiles can be noted without giving up an older one.
+  [[nodiscard]] bool has_room(std::size_t tile_count) const;
+  /// Gives up the oldest frame that is under way, and tells its tiles one by one: false when it has no more
+  /// (it is out then). Only while under_way_frames() > 0.
+  [[nodiscard]] bool give_up_oldest(FrameTile& tile);
+  /// A frame left; has_room(tile_count) holds.
+  void sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count, base::TimeUs now_us);
+
+  /// A report names a frame. While next_confirmed() gives tiles, they came. O(kFrames).
+  void confirm(std::uint16_t tag, base::TimeUs now_us);
+  [[nodiscard]] bool next_confirmed(FrameTile& tile);
+  /// One tile after the other of frames that are lost by now: overtaken by kOvertaken later frames, passed
+  /// over by a report that could have named them, or not confirmed for long (patience_us(), sooner when the
+  /// link is `idle`). False when there is none (more).
+  /// O(kFrames) in all.
+  [[nodiscard]] bool next_lost(base::TimeUs now_us, bool idle, FrameTile& tile);
+
+  /// Whether somebody reports: a report came, and since then fewer than kMostTimeouts patiences in a row
+  /// ended without one. Who does not report is not waited for.
+  [[nodiscard]] bool heard() const { return heard_; }
+  /// A report came, with or without news.
+  void note_report(base::TimeUs now_us);
+
+  /// Frames with tiles that are neither confirmed nor lost.
+  [[nodiscard]] std::uint32_t under_way_frames() const { return under_way_; }
+  /// How long a frame may stay unconfirmed.
+  [[nodiscard]] base::TimeUs patience_us() const;
+  /// Share of frames that were lost lately, 1/65536: assumed to be 3/10 before anything is known.
+  [[nodiscard]] std::uint32_t loss_q16() const { return loss_q16_; }
+
+ private:
+  enum class State : std::uint8_t { kUnderWay, kConfirmed, kLost };
+  struct Frame {
+    base::TimeUs sent_us;
+    std::uint32_t first_tile;  ///< place in tiles_, modulo kFrameTiles
+    std::uint16_t tag;
+    std::uint8_t tile_count;
+    State state;
+  };
+
+  static constexpr std::uint32_t kOvertaken = 3;
+  static constexpr int kMostTimeouts = 6;
+
+  [[nodiscard]] Frame& frame(std::uint32_t number) { return frames_[number % kFrames]; }
+  [[nodiscard]] const Frame& frame(std::uint32_t number) const { return frames_[number % kFrames]; }
+  void resolve(std::uint32_t number, State state);
+  void forget_resolved();
+  void learn_round_trip(base::TimeUs measured_us);
+
+  std::array<Frame, kFrames> frames_{};
+  std::array<FrameTile, kFrameTiles> tiles_{};
+  // Numbers of frames and of tiles count on modulo 2^32.
+  std::uint32_t first_ = 0;  ///< the oldest in the ring
+  std::uint32_t end_ = 0;    ///< behind the newest
+  std::uint32_t tiles_end_ = 0;
+  std::uint32_t newest_confirmed_ = 0;  ///< + 1; first_ where there is none
+  std::uint32_t under_way_ = 0;
+  // Tiles being told by next_...().
+  std::uint32_t telling_ = 0;  ///< place in tiles_
+  std::uint8_t telling_count_ = 0;
+  std::uint8_t given_up_ = 0;  ///< tiles of the oldest frame that give_up_oldest() has told
+  base::TimeUs round_trip_us_ = 0;
+  base::TimeUs deviation_us_ = 0;
+  base::TimeUs latest_us_ = 0;  ///< round trip of the newest frame that was confirmed
+  base::TimeUs waiting_since_us_ = 0;
+  base::TimeUs last_report_us_ = 0;
+  bool waiting_ = false;  ///< frames with tiles left since the last report, or were under way then
+  int timeouts_ = 0;      ///< in a row
+  std::uint32_t loss_q16_ = 0;
+  bool heard_ = false;
+};
+
+}  // namespace leadline::firmware

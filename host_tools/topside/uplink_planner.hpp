@@ -1,0 +1,80 @@
+// What a topside says to a vehicle of minor 1, and when: which frames came, where the two maps differ, what
+// never came. Paced by what came down, so that the way up stays a small part of it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <set>
+#include <vector>
+
+#include "host_tools/topside/tile_store.hpp"
+#include "model/base/units.hpp"
+#include "proto/messages.hpp"
+
+namespace leadline::host {
+
+class UplinkPlanner {
+ public:
+  /// Another map begins: what was heard stays to be reported, what was wanted is forgotten.
+  void restart();
+
+  /// A whole frame of the downlink came, `wire_bytes` long. `news`: it carried map, and deserves an answer
+  /// soon.
+  void note_frame(std::uint16_t tag, std::size_t wire_bytes, bool news);
+  /// The vehicle's hashes beside those of `store`: remembers where they differ.
+  void note_digest(const proto::Digest& digest, const TileStore& store);
+  /// The topside looks at these tiles: said now and again.
+  void look(std::uint32_t tile, std::uint8_t radius_tiles);
+
+  /// The next payload to send at `now_us` (any clock that does not go back); empty: none now. To be asked
+  /// until it is empty, at least every 50 ms.
+  [[nodiscard]] std::vector<std::uint8_t> next(base::TimeUs now_us, const TileStore& store,
+                                               const std::optional<proto::Status>& status);
+
+  /// Payload bytes so far, and what frames add to them.
+  [[nodiscard]] std::uint64_t sent_bytes() const { return sent_bytes_; }
+  /// Whether the last hash over everything was this map's own.
+  [[nodiscard]] bool agreed() const { return agreed_; }
+
+ private:
+  struct Heard {
+    std::uint16_t tag;
+    int reports_left;
+  };
+
+  [[nodiscard]] std::vector<std::uint8_t> paid(const std::uint8_t* payload,
+                                               const base::Result<std::size_t>& size,
+                                               double most_debt_bytes);
+  [[nodiscard]] std::vector<std::uint8_t> report(base::TimeUs now_us, const TileStore& store);
+  [[nodiscard]] std::vector<std::uint8_t> wanted_tiles(const TileStore& store);
+  [[nodiscard]] std::vector<std::uint8_t> finer_digest(base::TimeUs now_us, const TileStore& store);
+  [[nodiscard]] std::vector<std::uint8_t> unseen_tiles(base::TimeUs now_us, const TileStore& store,
+                                                       const std::optional<proto::Status>& status);
+  [[nodiscard]] std::vector<std::uint8_t> look_again(base::TimeUs now_us, const TileStore& store);
+
+  std::deque<Heard> heard_;    ///< oldest first
+  int news_since_report_ = 0;  ///< frames that carried map
+  bool joined_ = false;        ///< the vehicle has been told that somebody listens
+  double budget_bytes_ = 0.0;
+  std::uint64_t sent_bytes_ = 0;
+  // Rhythm of what comes, to know when it pauses.
+  std::size_t news_count_ = 0;
+  std::size_t news_seen_ = 0;
+  base::TimeUs news_us_ = 0;
+  base::TimeUs news_gap_us_ = 0;
+  base::TimeUs reported_us_ = 0;
+  std::set<std::uint32_t> wanted_;
+  std::deque<proto::TileRange> differing_;  ///< to be looked at more closely
+  base::TimeUs asked_digest_us_ = 0;
+  int digest_tries_ = 0;
+  std::uint32_t known_tiles_ = 0;
+  base::TimeUs ask_unseen_us_ = 0;
+  base::TimeUs ask_gap_us_ = 0;
+  std::optional<proto::Look> look_;
+  base::TimeUs look_us_ = 0;
+  bool agreed_ = false;
+};
+
+}  // namespace leadline::host

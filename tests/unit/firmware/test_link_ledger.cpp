@@ -1,0 +1,183 @@
+// Frames under way: who came, who was lost, who nobody knows of.
+#include <vector>
+
+#include "firmware/pipeline/link_ledger.hpp"
+#include "tests/support/test.hpp"
+
+namespace {
+
+using leadline::base::TimeUs;
+using leadline::firmware::FrameTile;
+using leadline::firmware::LinkLedger;
+using leadline::test::Random;
+
+LinkLedger ledger;
+
+constexpr TimeUs kSecond_us = 1'000'000;
+
+void send(std::uint16_t tag, TimeUs t_us, std::vector<std::uint32_t> tiles = {7}) {
+  std::vector<FrameTile> carried;
+  for (const std::uint32_t tile : tiles) {
+    carried.push_back({tile, 0, false, {}});
+  }
+  assert_true(ledger.has_room(carried.size()));
+  ledger.sent(tag, carried.data(), carried.size(), t_us);
+}
+
+std::vector<std::uint32_t> confirmed(std::uint16_t tag, TimeUs t_us) {
+  std::vector<std::uint32_t> tiles;
+  ledger.confirm(tag, t_us);
+  FrameTile tile{};
+  while (ledger.next_confirmed(tile)) {
+    tiles.push_back(tile.tile);
+  }
+  return tiles;
+}
+
+std::vector<std::uint32_t> lost(TimeUs t_us, bool idle = false) {
+  std::vector<std::uint32_t> tiles;
+  FrameTile tile{};
+  while (ledger.next_lost(t_us, idle, tile)) {
+    tiles.push_back(tile.tile);
+  }
+  return tiles;
+}
+
+TEST(a_frame_that_three_overtook_is_lost) {
+  ledger.reset();
+  for (std::uint16_t tag = 0; tag < 5; ++tag) {
+    send(tag, tag * 1000, {tag, 100U + tag});
+  }
+  assert_true(lost(5000).empty());  // nobody reports
+  ledger.note_report(6000);
+  assert_true(confirmed(3, 6000) == (std::vector<std::uint32_t>{3, 103}));
+  assert_true(lost(6000) == (std::vector<std::uint32_t>{0, 100}));
+  assert_true(confirmed(3, 6000).empty());  // once
+  assert_true(confirmed(0, 6000).empty());  // too late
+  assert_true(confirmed(99, 6000).empty());
+  assert_int_equal(ledger.under_way_frames(), 3);
+  assert_true(confirmed(1, 7000).size() == 2);
+}
+
+TEST(silence_takes_patience_and_in_the_end_nobody_listens) {
+  ledger.reset();
+  send(1, 0);
+  ledger.note_report(100'000);
+  (void)confirmed(1, 100'000);
+  assert_true(ledger.heard());
+  TimeUs t_us = kSecond_us;
+  send(2, t_us);
+  const TimeUs patience_us = ledger.patience_us();
+  assert_true(lost(t_us + 2 * patience_us).empty());  // a report may be lost itself
+  assert_int_equal(lost(t_us + 20 * patience_us).size(), 1);
+  t_us += 20 * patience_us;
+  int rounds = 0;
+  while (ledger.heard()) {
+    t_us += kSecond_us;
+    if (ledger.under_way_frames() == 0) {
+      send(3, t_us);
+    }
+    (void)lost(t_us);
+    rounds += 1;
+    assert_true(rounds < 600);
+  }
+  // What is under way then stays: it is given up when its room is needed.
+  send(4, t_us + 1, {42});
+  assert_true(lost(t_us + 3600 * kSecond_us).empty());
+}
+
+TEST(a_report_that_passes_over_a_frame_is_its_loss) {
+  ledger.reset();
+  send(1, 0);
+  ledger.note_report(50'000);
+  (void)confirmed(1, 50'000);
+  send(2, 60'000, {9});
+  send(3, 400'000, {10});
+  ledger.note_report(450'000);
+  assert_int_equal(confirmed(3, 450'000).size(), 1);
+  assert_true(lost(450'000) == std::vector<std::uint32_t>{9});
+}
+
+TEST(the_oldest_makes_room) {
+  ledger.reset();
+  for (std::uint32_t k = 0; k < LinkLedger::kFrames; ++k) {
+    send(static_cast<std::uint16_t>(k), k, {k});
+  }
+  assert_false(ledger.has_room(1));
+  FrameTile tile{};
+  assert_true(ledger.give_up_oldest(tile));
+  assert_int_equal(tile.tile, 0);
+  assert_false(ledger.give_up_oldest(tile));
+  assert_true(ledger.has_room(1));
+  assert_int_equal(ledger.under_way_frames(), LinkLedger::kFrames - 1);
+}
+
+TEST(loss_is_estimated) {
+  ledger.reset();
+  Random random(5);
+  std::uint32_t sum = 0;
+  for (int k = 0; k < 4000; ++k) {
+    const auto tag = static_cast<std::uint16_t>(k);
+    const TimeUs t_us = k * TimeUs{10'000};
+    send(tag, t_us);
+    ledger.note_report(t_us + 5000);
+    if (random.uniform() >= 0.3) {
+      (void)confirmed(tag, t_us + 5000);
+    }
+    (void)lost(t_us + 5000);
+    sum += k >= 2000 ? ledger.loss_q16() / 2000 : 0;
+  }
+  assert_true(sum > 0.25 * 65536 && sum < 0.35 * 65536);
+}
+
+// Any order of sending, reporting and losing: every tile of every frame ends in exactly one way.
+TEST(every_frame_has_one_fate) {
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    ledger.reset();
+    Random random(seed);
+    std::vector<int> fates;
+    TimeUs t_us = 0;
+    const auto settle = [&fates](const std::vector<std::uint32_t>& tiles) {
+      for (const std::uint32_t tile : tiles) {
+        fates[tile] += 1;
+      }
+    };
+    for (int k = 0; k < 600; ++k) {
+      t_us += random.between(0, 40'000);
+      const std::int64_t what = random.between(0, 9);
+      if (what < 5) {
+        const auto tiles = static_cast<std::size_t>(random.between(0, 32));
+        while (!ledger.has_room(tiles)) {
+          FrameTile tile{};
+          while (ledger.give_up_oldest(tile)) {
+            settle({tile.tile});
+          }
+        }
+        std::vector<std::uint32_t> carried;
+        for (std::size_t i = 0; i < tiles; ++i) {
+          carried.push_back(static_cast<std::uint32_t>(fates.size()));
+          fates.push_back(0);
+        }
+        send(static_cast<std::uint16_t>(k), t_us, carried);
+      } else if (what < 9) {
+        ledger.note_report(t_us);
+        for (std::int64_t n = random.between(0, 8); n > 0; --n) {
+          settle(
+              confirmed(static_cast<std::uint16_t>(random.between(k > 40 ? k - 40 : 0, k)), t_us));
+        }
+      } else {
+        settle(lost(t_us, random.between(0, 1) == 1));
+      }
+    }
+    ledger.note_report(t_us);
+    for (int k = 0; k < 600; ++k) {
+      settle(confirmed(static_cast<std::uint16_t>(k), t_us));
+    }
+    assert_int_equal(ledger.under_way_frames(), 0);
+    for (const int fate : fates) {
+      assert_int_equal(fate, 1);
+    }
+  }
+}
+
+}  // namespace
