@@ -158,20 +158,23 @@ const char* log_path() {
 // Model::integrate() by the names that the compiler gives to it and to its wrapper. A change of its parameters
 // shows: nothing would be counted, and tests/cli/test_m7_ci.sh asks for more.
 extern "C" {
-PingResult __real__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEj(
+PingResult
+__real__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEjRKNS0_12ReturnDetailE(
     Model* model, const leadline::base::Ping& ping, const leadline::base::Pose& pose,
-    std::size_t sensor);
-PingResult __wrap__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEj(
+    std::size_t sensor, const leadline::model::ReturnDetail& detail);
+PingResult
+__wrap__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEjRKNS0_12ReturnDetailE(
     Model* model, const leadline::base::Ping& ping, const leadline::base::Pose& pose,
-    std::size_t sensor);
+    std::size_t sensor, const leadline::model::ReturnDetail& detail);
 
-PingResult __wrap__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEj(
+PingResult
+__wrap__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEjRKNS0_12ReturnDetailE(
     Model* model, const leadline::base::Ping& ping, const leadline::base::Pose& pose,
-    std::size_t sensor) {
+    std::size_t sensor, const leadline::model::ReturnDetail& detail) {
   const std::uint32_t begin = counter.ticks();
   const PingResult outcome =
-      __real__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEj(model, ping, pose,
-                                                                              sensor);
+      __real__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEjRKNS0_12ReturnDetailE(
+          model, ping, pose, sensor, detail);
   const std::uint32_t ticks = counter.ticks() - begin;
   ++costs.pings;
   costs.pings_ticks += ticks;
