@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "model/base/units.hpp"
+#include "model/capacity.hpp"
 #include "model/grid.hpp"
 #include "proto/tile_coder.hpp"
 
@@ -21,11 +22,15 @@ struct FrameTile {
 };
 
 /// A ring of the last frames with their tiles. Frames are named by proto::frame_tag; of equal names under
-/// way the older is meant. 90 KB. Static storage, not thread-safe; time is the vehicle's own and never goes back.
+/// way the older is meant. 90 KB, 4 KB with a map of
+/// less than 64 tiles. Static storage, not thread-safe; time is the vehicle's own and never goes back.
 class LinkLedger {
  public:
-  static constexpr std::uint32_t kFrames = 256;
-  static constexpr std::uint32_t kFrameTiles = 2048;
+  /// Powers of two; fewer on a target with a small map.
+  static constexpr std::uint32_t kFrames = model::kTileCapacity >= 64 ? 256 : 64;
+  static constexpr std::uint32_t kFrameTiles = model::kTileCapacity >= 512  ? 2048
+                                               : model::kTileCapacity >= 64 ? 512
+                                                                            : 64;
 
   LinkLedger() = default;
   LinkLedger(const LinkLedger&) = delete;
