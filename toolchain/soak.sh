@@ -7,7 +7,7 @@
 #                          for the worst ping; the tests labelled full take what they take
 #   --work-bound-pings N   pings per configuration of that search (default: what a quarter of the time
 #                          allows, 7,500 per minute; a billion in all is 32,000,000)
-#   --targets N            only this: N random flights (10000) replayed on every target (toolchain/replay-on.sh):
+#   --targets N            only this: N random flights replayed on every target (toolchain/replay-on.sh):
 #                          the same hashes
 #   --sensors              only this, for N minutes (default 10): all emulated devices at ten times their
 #                          rate, lines that break at random. In = fused + shed + rejected, to the byte and
