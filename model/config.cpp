@@ -38,7 +38,8 @@ base::Status check_config(const ModelConfig& config) {
       return base::Status::kOutOfRange;
     }
   }
-  if (voxels > kVoxelCapacity) {
+  // Of a map larger than memory the window has to fit: Grid::configure knows.
+  if (config.resident_tiles == 0 && voxels > kVoxelCapacity) {
     return base::Status::kOverCapacity;
   }
   return base::Status::kOk;

@@ -56,6 +56,9 @@ struct ModelConfig {
   std::int64_t sigma_correlated_mm[3];
   /// Refuse a configuration whose work bound exceeds this many voxels per ping; 0 = no budget.
   std::uint32_t work_budget_voxels;
+  /// A map larger than memory: at most so many tiles have their voxels in memory, and somebody brings the
+  /// others (Grid::page_in, page_out). 0: all of them.
+  std::uint32_t resident_tiles;
 };
 
 /// First thing wrong with `config`, or kOk. kOutOfRange for a value outside its stated range,

@@ -257,7 +257,7 @@ void Model::read_tile(TileId tile) {
   record.flags |= kTileUnassessed;
   std::uint16_t changed[kTileCells] = {};
   for (std::uint32_t i = 0; i < kTileCells * kTileCells; ++i) {
-    if (read_column((record.page << 8U) + i, DepthMethod::kRobustMoment)) {
+    if (read_column((tile << 8U) + i, DepthMethod::kRobustMoment)) {
       changed[i >> 4U] = static_cast<std::uint16_t>(changed[i >> 4U] | (1U << (i & 15U)));
     }
   }
@@ -532,7 +532,7 @@ TileWork Model::extract_tile(TileId tile) {
   for (std::int32_t n = read.north0; n <= read.north1; ++n) {
     for (std::int32_t e = read.east0; e <= read.east1; ++e) {
       const auto id = static_cast<TileId>(n * grid_.tiles_east() + e);
-      if (grid_.tile(id).generation_read != grid_.tile(id).generation) {
+      if (grid_.tile(id).generation_read != grid_.tile(id).generation && grid_.resident(id)) {
         read_tile(id);
         work.columns_read += kTileCells * kTileCells;
       }
@@ -542,7 +542,7 @@ TileWork Model::extract_tile(TileId tile) {
   for (std::int32_t n = smooth.north0; n <= smooth.north1; ++n) {
     for (std::int32_t e = smooth.east0; e <= smooth.east1; ++e) {
       const auto id = static_cast<TileId>(n * grid_.tiles_east() + e);
-      if ((grid_.tile(id).flags & kTileUnsmoothed) != 0) {
+      if ((grid_.tile(id).flags & kTileUnsmoothed) != 0 && grid_.resident(id)) {
         work.columns_smoothed += smooth_tile(id);
       }
     }
@@ -560,9 +560,14 @@ void Model::extract(DepthMethod method) {
   // Everything anew, whatever was noted: voxels may have been written from outside.
   method_ = method;
   for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {
-    static_cast<void>(read_column(column, method));
+    if (grid_.resident(column >> 8U)) {
+      static_cast<void>(read_column(column, method));
+    }
   }
   for (TileId id = 0; id < grid_.tile_count(); ++id) {
+    if (!grid_.resident(id)) {
+      continue;
+    }
     TileRecord& record = grid_.tile(id);
     record.generation_read = record.generation;
     for (std::uint16_t& row : record.unsmoothed) {

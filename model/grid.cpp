@@ -18,7 +18,7 @@ std::uint64_t hash_column(std::uint64_t hash, const Voxel* voxels, std::int32_t 
 
 }  // namespace
 
-base::Status Grid::configure(const std::int32_t size[3]) {
+base::Status Grid::configure(const std::int32_t size[3], std::uint32_t resident_tiles) {
   if (size[0] < 1 || size[1] < 1 || size[2] < 1 || size[0] > kMaxSideCells ||
       size[1] > kMaxSideCells || size[2] > kMaxDepthCells) {
     return base::Status::kOutOfRange;
@@ -28,8 +28,14 @@ base::Status Grid::configure(const std::int32_t size[3]) {
   const std::uint64_t columns = static_cast<std::uint64_t>(tiles_north) *
                                 static_cast<std::uint64_t>(tiles_east) *
                                 static_cast<std::uint64_t>(kTileCells * kTileCells);
-  const std::uint64_t voxels = columns * static_cast<std::uint64_t>(size[2]);
-  if (columns > kColumnCapacity || voxels > kVoxelCapacity) {
+  const std::uint64_t tiles = columns / static_cast<std::uint64_t>(kTileCells * kTileCells);
+  const bool windowed = resident_tiles != 0;
+  // One more for the blank page.
+  const std::uint64_t pages = windowed ? std::uint64_t{resident_tiles} + 1 : tiles;
+  const std::uint64_t voxels = pages * static_cast<std::uint64_t>(kTileCells * kTileCells) *
+                               static_cast<std::uint64_t>(size[2]);
+  if (columns > kColumnCapacity || pages > std::uint64_t{kTileCapacity} + 1 ||
+      voxels > kVoxelCapacity) {
     return base::Status::kOverCapacity;
   }
   north_ = size[0];
@@ -44,10 +50,59 @@ base::Status Grid::configure(const std::int32_t size[3]) {
   }
   for (TileId id = 0; id < tile_count_; ++id) {
     tiles_[id] = TileRecord{};
-    tiles_[id].page = id;
+    tiles_[id].page = windowed ? resident_tiles : id;
+  }
+  windowed_ = windowed;
+  page_count_ = windowed ? resident_tiles : tile_count_;
+  free_count_ = 0;
+  for (std::uint32_t page = page_count_; windowed && page > 0; --page) {
+    free_pages_[free_count_] = page - 1;
+    ++free_count_;
   }
   touched_count_ = 0;
   return base::Status::kOk;
+}
+
+bool Grid::resident(std::int32_t n0, std::int32_t n1, std::int32_t e0, std::int32_t e1) const {
+  if (n0 > n1 || e0 > e1) {
+    return true;
+  }
+  for (std::int32_t n = n0 >> 4; n <= n1 >> 4; ++n) {
+    for (std::int32_t e = e0 >> 4; e <= e1 >> 4; ++e) {
+      if (!resident(static_cast<TileId>(n * tiles_east_ + e))) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+bool Grid::take_page(std::uint32_t& page) {
+  if (free_count_ == 0) {
+    return false;
+  }
+  --free_count_;
+  page = free_pages_[free_count_];
+  return true;
+}
+
+bool Grid::page_in(TileId id) {
+  std::uint32_t page = 0;
+  if (resident(id) || !take_page(page)) {
+    return false;
+  }
+  tiles_[id].page = page;
+  std::memset(static_cast<void*>(tile_voxels(id)), 0,
+              static_cast<std::size_t>(tile_voxel_count()) * sizeof(Voxel));
+  return true;
+}
+
+void Grid::page_out(TileId id) {
+  if (!windowed_ || !resident(id)) {
+    return;
+  }
+  give_page(tiles_[id].page);
+  tiles_[id].page = page_count_;
 }
 
 std::uint64_t Grid::tile_hash(TileId id) const {

@@ -57,9 +57,9 @@ using TileId = std::uint32_t;
 
 /// State of one tile.
 struct TileRecord {
-  std::uint32_t page;  ///< index of the tile's storage page (its first voxel / voxels per page)
-  std::uint32_t generation;       ///< counts the pings that wrote into the tile; 0 = never
-  std::uint32_t last_ping;        ///< number of the latest of them
+  std::uint32_t page;        ///< where its voxels lie; Grid::page_count() and beyond: not in memory
+  std::uint32_t generation;  ///< counts the pings that wrote into the tile; 0 = never
+  std::uint32_t last_ping;   ///< number of the latest of them
   std::uint32_t generation_read;  ///< generation at which the columns' own depths were last read
   std::uint8_t flags;             ///< TileFlags
   /// Columns whose smoothed depth is out of date: bit (e & 15) of row (n & 15).
@@ -71,10 +71,16 @@ enum TileFlags : std::uint8_t {
   kTileListed = 1U << 0U,      ///< in the list of touched tiles
   kTileUnsmoothed = 1U << 1U,  ///< some bit of `unsmoothed` is set
   kTileUnassessed = 1U << 2U,  ///< sigmas are out of date
+  kTileSideChanged =
+      1U << 3U,  ///< a side record changed without an event; cleared by who saves tiles
 };
 
 /// Static storage and index arithmetic. One instance owns everything; not copyable. All functions are
 /// O(1) unless stated. Not thread-safe.
+///
+/// A grid whose voxels do not all fit keeps those of some tiles (a window) and everything else (side
+/// records, tile records) of all: the others' voxels read as never observed and must not be written.
+/// Who calls page_in() and page_out() brings the voxels and takes them away.
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): configure() clears what it lays out
 class Grid {
  public:
@@ -84,7 +90,9 @@ class Grid {
 
   /// Lays out `size` = {north, east, down} cells and clears everything: O(capacity used).
   /// kOverCapacity when the padded grid does not fit.
-  [[nodiscard]] base::Status configure(const std::int32_t size[3]);
+  /// `resident_tiles`: at most so many tiles have their voxels in memory, none to begin with; 0: all do.
+  [[nodiscard]] base::Status configure(const std::int32_t size[3],
+                                       std::uint32_t resident_tiles = 0);
 
   [[nodiscard]] std::int32_t north_cells() const { return north_; }
   [[nodiscard]] std::int32_t east_cells() const { return east_; }
@@ -111,6 +119,11 @@ class Grid {
     }
     tile.last_ping = ping;
     ++tile.generation;
+    list_touched(id);
+  }
+  /// Puts the tile on the list of touched tiles.
+  void list_touched(TileId id) {
+    TileRecord& tile = tiles_[id];
     if ((tile.flags & kTileListed) == 0) {
       tile.flags |= kTileListed;
       touched_[touched_count_] = id;
@@ -128,17 +141,46 @@ class Grid {
     return true;
   }
 
-  /// Index of column (n, e) in storage order (tile by tile).
+  /// Index of column (n, e), tile by tile: tile number and place in the tile.
   [[nodiscard]] std::uint32_t column_index(std::int32_t n, std::int32_t e) const {
-    const std::uint32_t page = tiles_[tile_of(n, e)].page;
-    return (page << 8U) + static_cast<std::uint32_t>(((n & 15) << 4) | (e & 15));
+    return (tile_of(n, e) << 8U) + static_cast<std::uint32_t>(((n & 15) << 4) | (e & 15));
   }
-  /// First voxel (top) of a column; depth_cells() voxels follow, contiguous.
-  [[nodiscard]] Voxel* column_voxels(std::uint32_t column) {
-    return voxels_ + static_cast<std::size_t>(column) * static_cast<std::size_t>(depth_);
-  }
+  /// First voxel (top) of a column; depth_cells() voxels follow, contiguous, and then those of the next
+  /// column of the tile.
+  [[nodiscard]] Voxel* column_voxels(std::uint32_t column) { return voxels_ + voxel_index(column); }
   [[nodiscard]] const Voxel* column_voxels(std::uint32_t column) const {
-    return voxels_ + static_cast<std::size_t>(column) * static_cast<std::size_t>(depth_);
+    return voxels_ + voxel_index(column);
+  }
+  /// Voxels of a tile: depth_cells() * 256, column by column.
+  [[nodiscard]] Voxel* tile_voxels(TileId id) { return column_voxels(id << 8U); }
+  [[nodiscard]] const Voxel* tile_voxels(TileId id) const { return column_voxels(id << 8U); }
+  [[nodiscard]] std::uint32_t tile_voxel_count() const {
+    return static_cast<std::uint32_t>(depth_) * kTileCells * kTileCells;
+  }
+
+  /// Whether some tiles' voxels may be out of memory.
+  [[nodiscard]] bool windowed() const { return windowed_; }
+  /// Pages, each with room for one tile's voxels, and those that no tile has.
+  [[nodiscard]] std::uint32_t page_count() const { return page_count_; }
+  [[nodiscard]] std::uint32_t free_pages() const { return free_count_; }
+  [[nodiscard]] bool resident(TileId id) const { return tiles_[id].page < page_count_; }
+  /// All tiles of the columns n0 .. n1, e0 .. e1 (inside the grid; true when there are none). O(tiles).
+  [[nodiscard]] bool resident(std::int32_t n0, std::int32_t n1, std::int32_t e0,
+                              std::int32_t e1) const;
+  /// Gives the tile room, its voxels never observed. False: it has some, or there is none. O(tile).
+  bool page_in(TileId id);
+  /// Takes the tile's voxels out of memory. O(1).
+  void page_out(TileId id);
+  /// To bring voxels piece by piece: a page without a tile (false: there is none), its tile_voxel_count()
+  /// voxels, and what ends it: a tile that is not in memory gets it, or it is given back. O(1).
+  bool take_page(std::uint32_t& page);
+  [[nodiscard]] void* page_storage(std::uint32_t page) {
+    return voxels_ + static_cast<std::size_t>(page) * tile_voxel_count();
+  }
+  void adopt_page(TileId id, std::uint32_t page) { tiles_[id].page = page; }
+  void give_page(std::uint32_t page) {
+    free_pages_[free_count_] = page;
+    ++free_count_;
   }
   [[nodiscard]] ColumnRecord& column(std::uint32_t column) { return columns_[column]; }
   [[nodiscard]] const ColumnRecord& column(std::uint32_t column) const { return columns_[column]; }
@@ -149,6 +191,11 @@ class Grid {
   [[nodiscard]] std::uint64_t map_hash() const;
 
  private:
+  [[nodiscard]] std::size_t voxel_index(std::uint32_t column) const {
+    const std::uint32_t place = (tiles_[column >> 8U].page << 8U) | (column & 255U);
+    return static_cast<std::size_t>(place) * static_cast<std::size_t>(depth_);
+  }
+
   std::int32_t north_ = 0;
   std::int32_t east_ = 0;
   std::int32_t depth_ = 0;
@@ -159,6 +206,11 @@ class Grid {
   TileRecord tiles_[kTileCapacity];
   TileId touched_[kTileCapacity];  // each tile at most once: kTileListed
   std::uint32_t touched_count_ = 0;
+  bool windowed_ = false;
+  std::uint32_t page_count_ =
+      0;  // of a window the page after the last is blank, for all absent tiles
+  std::uint32_t free_pages_[kTileCapacity];
+  std::uint32_t free_count_ = 0;
 };
 
 }  // namespace leadline::model

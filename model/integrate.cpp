@@ -392,7 +392,12 @@ void Model::prefetch_columns(const BeamFrame& frame, const Sighting& sighting) c
 #endif
 }
 
-Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
+// Columns that the slope is read from: nine, `stride` apart about the axis' end.
+struct Model::SlopePlace {
+  std::int32_t north, east, stride;
+};
+
+Model::SlopePlace Model::slope_place(const BeamFrame& frame, const Sighting& sighting) const {
   const std::int64_t range = sighting.range_q16;
   const std::int64_t range2_q6 = (range * range) >> 26;
   const std::int64_t lateral_q12 =
@@ -410,6 +415,14 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
       ((sighting.origin_q16[0] + mul_shift(range, frame.axis.q30[0], 30) + 0x8000) >> 17) * 2);
   const auto centre_e = static_cast<std::int32_t>(
       ((sighting.origin_q16[1] + mul_shift(range, frame.axis.q30[1], 30) + 0x8000) >> 17) * 2);
+  return SlopePlace{centre_n, centre_e, stride};
+}
+
+Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
+  const SlopePlace place = slope_place(frame, sighting);
+  const std::int32_t centre_n = place.north;
+  const std::int32_t centre_e = place.east;
+  const std::int32_t stride = place.stride;
 
   // Weighted least squares of a plane through up to nine columns; depths relative to the first.
   std::int64_t s = 0;
@@ -435,6 +448,7 @@ Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
         const ColumnDepth column = depth_of(index, DepthMethod::kRobustMoment);
         ++counters_.column_extractions;
         ++work_.columns_read;
+        grid_.tile(index >> 8U).flags |= kTileSideChanged;
         record.depth_q8 = column.depth_q8;
         record.mass = column.mass;
         record.gain = 0;
@@ -821,6 +835,54 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
   work_.cone_voxels = voxels_this_ping_ - before;
 }
 
+// A windowed grid: whether the voxels of these columns (clipped by the grid already) are in memory. What is
+// wanted, present or not, goes into wanted_.
+bool Model::has_tiles(std::int32_t n0, std::int32_t n1, std::int32_t e0, std::int32_t e1) {
+  if (n0 > n1 || e0 > e1) {
+    return true;
+  }
+  const bool first = wanted_.north0 > wanted_.north1;
+  wanted_ = TileBox{first ? n0 >> 4 : min_of(wanted_.north0, n0 >> 4),
+                    first ? n1 >> 4 : max_of(wanted_.north1, n1 >> 4),
+                    first ? e0 >> 4 : min_of(wanted_.east0, e0 >> 4),
+                    first ? e1 >> 4 : max_of(wanted_.east1, e1 >> 4)};
+  return grid_.resident(n0, n1, e0, e1);
+}
+
+bool Model::has_cone_tiles(const BeamFrame& frame, const Sighting& sighting,
+                           std::int32_t range_q10) {
+  if (range_q10 <= 0) {
+    return true;
+  }
+  const Frustum frustum = make_frustum(sensor_->scale, sensor_->table, frame, sighting, range_q10);
+  const CellRange rows = frustum_rows(frustum, sensor_->scale.size[0]);
+  const std::int32_t tip = frustum.tip_q10[1];
+  const std::int32_t radius = frustum.cone.radius_q10;
+  const CellRange columns =
+      cells_between(frustum.origin_q10[1] + min_of(tip, 0) - radius,
+                    frustum.origin_q10[1] + max_of(tip, 0) + radius, sensor_->scale.size[1]);
+  return has_tiles(rows.first, rows.last, columns.first, columns.last);
+}
+
+bool Model::has_slope_tiles(const BeamFrame& frame, const Sighting& sighting) {
+  const SlopePlace place = slope_place(frame, sighting);
+  return has_tiles(max_of(place.north - place.stride, 0),
+                   min_of(place.north + place.stride, sensor_->scale.size[0] - 1),
+                   max_of(place.east - place.stride, 0),
+                   min_of(place.east + place.stride, sensor_->scale.size[1] - 1));
+}
+
+// Everything that a return reads and writes; `cone`: the way there too.
+bool Model::has_return_tiles(const BeamFrame& frame, const Sighting& sighting, bool cone) {
+  if (!has_slope_tiles(frame, sighting)) {
+    return false;
+  }
+  const ShellEvent event =
+      make_shell(sensor_->scale, sensor_->table, frame, sighting, estimate_slope(frame, sighting));
+  const bool shell = has_tiles(event.north0, event.north1, event.east0, event.east1);
+  return (!cone || has_cone_tiles(frame, sighting, event.empty_range_q10)) && shell;
+}
+
 // The shell of one return, written into the voxels.
 ShellEvent Model::add_return(const base::Ping& ping, const BeamFrame& frame,
                              const Sighting& sighting, std::uint32_t share_q8) {
@@ -837,6 +899,7 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
   voxels_this_ping_ = 0;
   work_ = PingWork{};
   limit_voxels_ = bound_.total_voxels;
+  wanted_ = TileBox{0, -1, 0, -1};
   if (!configured_ || sensor >= sensor_count_) {
     ++counters_.pings[static_cast<int>(PingResult::kNotConfigured)];
     return PingResult::kNotConfigured;
@@ -844,19 +907,29 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
   sensor_ = &sensors_[sensor];
   Sighting sighting{};
   const PingResult result = sight(ping, pose, sighting);
-  ++counters_.pings[static_cast<int>(result)];
   const bool empty = result == PingResult::kNoReturn && config_.no_return == NoReturnPolicy::kEmpty;
   if (result != PingResult::kFused && !empty) {
+    ++counters_.pings[static_cast<int>(result)];
     return result;
   }
-  ++ping_number_;
   const BeamFrame frame =
       beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32, ping.rotation_bam32);
   if (empty) {
     const std::int64_t range_q16 =
         mul_shift(sensor_->config.detect_range_um, sensor_->scale.inverse_cell_q46, 30);
+    if (grid_.windowed() &&
+        !has_cone_tiles(frame, sighting, static_cast<std::int32_t>(range_q16 >> 6))) {
+      ++counters_.pings[static_cast<int>(PingResult::kAbsentTile)];
+      return PingResult::kAbsentTile;
+    }
+    ++ping_number_;
     carve(frame, sighting, nullptr, static_cast<std::int32_t>(range_q16 >> 6), kNoReturn_q14);
   } else {
+    if (grid_.windowed() && !has_return_tiles(frame, sighting, true)) {
+      ++counters_.pings[static_cast<int>(PingResult::kAbsentTile)];
+      return PingResult::kAbsentTile;
+    }
+    ++ping_number_;
     const ShellEvent event = add_return(ping, frame, sighting, detail.share_q8);
     // At its far end the empty evidence is a fixed part of the shell's peak.
     const std::uint32_t peak_q15 = static_cast<std::uint32_t>(
@@ -868,6 +941,7 @@ PingResult Model::integrate(const base::Ping& ping, const base::Pose& pose, std:
           static_cast<std::int32_t>(min_of<std::int64_t>(event.empty_range_q10, clear_q10)),
           (event.weight_q7 * peak_q15) >> (8U + kEmptyShift));
   }
+  ++counters_.pings[static_cast<int>(result)];
   counters_.voxel_updates += voxels_this_ping_;
   counters_.last_voxels_per_ping = voxels_this_ping_;
   counters_.max_voxels_per_ping = max_of(counters_.max_voxels_per_ping, voxels_this_ping_);
@@ -889,9 +963,12 @@ PingResult Model::integrate_behind(const base::Ping& ping, const base::Pose& pos
   if (result != PingResult::kFused) {
     return result;
   }
-  ++ping_number_;
   const BeamFrame frame =
       beam_frame(pose.attitude, ping.azimuth_bam32, ping.elevation_bam32, ping.rotation_bam32);
+  if (grid_.windowed() && !has_return_tiles(frame, sighting, false)) {
+    return PingResult::kAbsentTile;
+  }
+  ++ping_number_;
   static_cast<void>(add_return(ping, frame, sighting, detail.share_q8));
   ++counters_.behind_fused;
   counters_.voxel_updates += voxels_this_ping_;

@@ -36,6 +36,8 @@ const char* ping_result_name(PingResult result) {
       return "profile_undetected";
     case PingResult::kNotConfigured:
       return "not_configured";
+    case PingResult::kAbsentTile:
+      return "absent_tile";
     case PingResult::kCount:
       break;
   }
@@ -192,11 +194,12 @@ base::Status Model::configure_sensors(const ModelConfig& config, const SensorCon
   if (config.work_budget_voxels != 0 && bound_.total_voxels > config.work_budget_voxels) {
     return base::Status::kOverBudget;
   }
-  status = grid_.configure(config.size);
+  status = grid_.configure(config.size, config.resident_tiles);
   if (status != base::Status::kOk) {
     return status;
   }
   counters_ = ModelCounters{};
+  wanted_ = TileBox{0, -1, 0, -1};
   ping_number_ = 0;
   voxels_this_ping_ = 0;
   for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {

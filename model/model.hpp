@@ -30,7 +30,9 @@ enum class PingResult : std::uint8_t {
   kTooFar = 5,         ///< the transducer is over kMaxSideCells from the grid's origin
   kProfile = 6,        ///< a profile that no detector has turned into a range
   kNotConfigured = 7,  ///< no configuration, or no such sensor in it
-  kCount = 8,
+  kAbsentTile =
+      8,  ///< voxels that it needs are not in memory: nothing was written, to be tried again
+  kCount = 9,
 };
 
 /// Short name for statistics (`range_too_short`, ...).
@@ -47,6 +49,11 @@ struct ModelCounters {
   std::uint64_t behind_fused;        ///< later returns of pings (integrate_behind)
   std::uint32_t max_voxels_per_ping;
   std::uint32_t last_voxels_per_ping;
+};
+
+/// A rectangle of tiles, all bounds inclusive; empty if north0 > north1.
+struct TileBox {
+  std::int32_t north0, north1, east0, east1;
 };
 
 /// Result of an extraction for one column.
@@ -138,9 +145,13 @@ class Model {
   /// everything else is the same (DESIGN.md, section 10). Only its shell: what stands before it hides the way, so
   /// nothing is said to be empty. Not a ping of its own in the counters.
   /// Bounded: at most bound().behind_voxels voxels written, kSlopeColumns columns read. Results as of
-  /// integrate(); anything but kFused wrote nothing.
+  /// integrate(); anything but kFused wrote nothing. In a windowed grid: kAbsentTile, and lost with it, where its
+  /// tiles are not there (the first return does not wait for those behind it).
   PingResult integrate_behind(const base::Ping& ping, const base::Pose& pose,
                               std::size_t sensor = 0, const ReturnDetail& detail = {});
+  /// After kAbsentTile: tiles that the ping needs, as far as it could tell (the shell is known once the
+  /// bottom's slope is).
+  [[nodiscard]] const TileBox& wanted_tiles() const { return wanted_; }
 
   /// Depth, smoothing and uncertainty of every touched column: O(grid). Does not change the voxels or
   /// anything that later pings depend on.
@@ -151,6 +162,8 @@ class Model {
   /// kInfluenceTiles + 1 tiles and smoothed within kInfluenceTiles where something near them changed, each
   /// once, whoever asks first. Bound: 81 tiles read, 49 smoothed, 1 assessed (the whole grid, once, when the
   /// last extract() used another method). Nothing before configure().
+  /// Tiles of a windowed grid that are not in memory are neither read nor smoothed: they keep the results that
+  /// they had, and catch up when they are back.
   TileWork extract_tile(TileId tile);
   /// A ping that touches a tile can change results at most this many tiles away (in north and in east):
   /// sigma looks 34 cells far, smoothing 3.
@@ -182,6 +195,13 @@ class Model {
   [[nodiscard]] base::Status adopt_sensor(const SensorConfig& config, Sensor& sensor) const;
   [[nodiscard]] PingResult sight(const base::Ping& ping, const base::Pose& pose,
                                  Sighting& sighting) const;
+  [[nodiscard]] bool has_tiles(std::int32_t n0, std::int32_t n1, std::int32_t e0, std::int32_t e1);
+  [[nodiscard]] bool has_cone_tiles(const BeamFrame& frame, const Sighting& sighting,
+                                    std::int32_t range_q10);
+  struct SlopePlace;
+  [[nodiscard]] SlopePlace slope_place(const BeamFrame& frame, const Sighting& sighting) const;
+  [[nodiscard]] bool has_slope_tiles(const BeamFrame& frame, const Sighting& sighting);
+  [[nodiscard]] bool has_return_tiles(const BeamFrame& frame, const Sighting& sighting, bool cone);
   void prefetch_columns(const BeamFrame& frame, const Sighting& sighting) const;
   [[nodiscard]] Slope estimate_slope(const BeamFrame& frame, const Sighting& sighting);
   struct ShellContext;
@@ -223,6 +243,7 @@ class Model {
   WorkBound bound_{};
   ModelCounters counters_{};
   bool configured_ = false;
+  TileBox wanted_{0, -1, 0, -1};
   std::uint32_t ping_number_ = 0;
   std::uint32_t voxels_this_ping_ = 0;
   PingWork work_{};

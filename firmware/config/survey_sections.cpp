@@ -20,7 +20,8 @@ constexpr std::array<const char*, 2> kNoReturnNames = {"ignore", "empty"};
 }
 
 /// What this build of the model cannot hold, said with the numbers.
-void check_capacity(const GridConfig& grid, const SonarRanges& ranges, const std::string& name) {
+void check_capacity(const GridConfig& grid, const SonarRanges& ranges, const std::string& name,
+                    bool windowed) {
   const std::string size = "[grid] size = " + array_text(grid.size) + ": ";
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::int32_t limit = axis == base::kDown ? model::kMaxDepthCells : model::kMaxSideCells;
@@ -36,7 +37,7 @@ void check_capacity(const GridConfig& grid, const SonarRanges& ranges, const std
       (static_cast<std::uint64_t>(grid.size[0]) + kTile - 1) / kTile * kTile *
       ((static_cast<std::uint64_t>(grid.size[1]) + kTile - 1) / kTile * kTile);
   const std::uint64_t voxels = columns * static_cast<std::uint64_t>(grid.size[2]);
-  if (voxels > model::kVoxelCapacity || columns > model::kColumnCapacity) {
+  if ((voxels > model::kVoxelCapacity && !windowed) || columns > model::kColumnCapacity) {
     refuse(name, size + std::to_string(grid.voxel_count()) + " voxels (" + std::to_string(voxels) +
                      " in " + std::to_string(columns) +
                      " columns of whole tiles), over the capacity of " +
@@ -229,8 +230,8 @@ FrameConfig read_frame(TomlReader* reader) {
 
 model::ModelConfig to_model_config(const GridConfig& grid, const SonarRanges& ranges,
                                    const NavigationSigmas& navigation, const ModelConfig& model,
-                                   const std::string& config_name) {
-  check_capacity(grid, ranges, config_name);
+                                   const std::string& config_name, bool windowed) {
+  check_capacity(grid, ranges, config_name, windowed);
   model::ModelConfig result{};
   result.schema_version = model::kConfigSchemaVersion;
   result.rule = model.rule;

@@ -90,11 +90,13 @@ void read_navigation_sigmas(TomlReader* reader, NavigationSigmas* navigation);
 [[nodiscard]] FrameConfig read_frame(TomlReader* reader);
 
 /// The model's own configuration of these. Throws HostError kUsage, `config_name` in front, when the
-/// grid or the longest range is over the compiled-in capacity: with the numbers.
+/// grid or the longest range is over the compiled-in capacity: with the numbers. `windowed`: not all voxels
+/// have to fit.
 [[nodiscard]] model::ModelConfig to_model_config(const GridConfig& grid, const SonarRanges& ranges,
                                                  const NavigationSigmas& navigation,
                                                  const ModelConfig& model,
-                                                 const std::string& config_name);
+                                                 const std::string& config_name,
+                                                 bool windowed = false);
 /// Throws HostError kUsage: one ping can touch more voxels than `budget_voxels`, with the numbers.
 [[noreturn]] void refuse_work_bound(const model::WorkBound& bound, std::uint32_t budget_voxels,
                                     const std::string& config_name);

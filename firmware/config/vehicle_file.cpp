@@ -12,6 +12,7 @@
 #include "firmware/config/port_section.hpp"
 #include "firmware/config/table_file.hpp"
 #include "firmware/config/text.hpp"
+#include "model/capacity.hpp"
 #include "model/model.hpp"
 
 namespace leadline::host {
@@ -36,7 +37,7 @@ std::vector<KnownTable> known_tables() {
   return {
       {"",
        {"schema_version", "survey", "grid", "sonar", "navigation", "model", "frame", "cycle",
-        "mount", "port", "link", "log", "sound_speed"},
+        "mount", "port", "link", "log", "store", "sound_speed"},
        false},
       {"survey", {"id", "name"}, false},
       {"grid", grid_keys(), false},
@@ -53,6 +54,7 @@ std::vector<KnownTable> known_tables() {
         "hello_interval_s", "max_tile_age_s"},
        false},
       {"log", {"path", "max_bytes"}, false},
+      {"store", {"path", "window_tiles"}, false},
   };
 }
 
@@ -374,6 +376,46 @@ void read_log(TomlReader* reader, const std::string& base_dir, VehicleFile* file
   }
 }
 
+void read_store(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
+  const TomlSection section = reader->section("store");
+  if (!section.exists()) {
+    return;
+  }
+  if (!section.has("path")) {
+    section.find_missing("path is missing");
+  }
+  section.read_path("path", base_dir, &file->store.path);
+  constexpr double kLeastWindow_tiles = 9;
+  section.read_integer("window_tiles", {kLeastWindow_tiles, double{model::kTileCapacity}},
+                       &file->store.window_tiles);
+}
+
+/// The window that [store] asks for, or as many tiles as fit.
+void set_window(VehicleFile* file, const std::string& name) {
+  if (file->store.path.empty()) {
+    return;
+  }
+  model::ModelConfig& model = file->config.model;
+  const auto tiles = [&model](int axis) {
+    return static_cast<std::uint32_t>((model.size[axis] + model::kTileCells - 1) /
+                                      model::kTileCells);
+  };
+  const std::uint32_t tile_voxels =
+      static_cast<std::uint32_t>(model::kTileCells * model::kTileCells * model.size[2]);
+  // One more page is the blank one of absent tiles.
+  const std::uint32_t room = model::kVoxelCapacity / tile_voxels;
+  const std::uint32_t fits = std::min(tiles(0) * tiles(1), room > 0 ? room - 1 : 0);
+  const auto asked = static_cast<std::uint32_t>(file->store.window_tiles);
+  if (fits == 0 || asked > room - 1) {
+    throw HostError(ExitCode::kUsage, name + ": [store] window_tiles: memory holds " +
+                                          std::to_string(room > 0 ? room - 1 : 0) + " tiles of " +
+                                          std::to_string(tile_voxels) + " voxels");
+  }
+  model.resident_tiles = asked != 0 ? asked : fits;
+  file->store.window_tiles = model.resident_tiles;
+  file->config.has_store = 1;
+}
+
 // ---- Writing ------------------------------------------------------------------------------------
 
 std::string text_of(const char (&text)[firmware::kMaxConfigText_bytes]) {
@@ -499,6 +541,11 @@ std::vector<ConfigEntry> entries_of(const VehicleFile& file) {
     list.text("path", file.log.path);
     list.integer("max_bytes", file.log.max_bytes);
   }
+  if (!file.store.path.empty()) {
+    list.in("store");
+    list.text("path", file.store.path);
+    list.integer("window_tiles", file.store.window_tiles);
+  }
   return list.entries();
 }
 
@@ -524,9 +571,12 @@ VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
   read_ports(&reader, &file);
   read_link(&reader, &file);
   read_log(&reader, base_dir, &file);
+  read_store(&reader, base_dir, &file);
   reader.finish();
   file.config.sound_speed_mm_s = static_cast<std::int32_t>(file.ranges.sound_speed_mm_s);
-  file.config.model = to_model_config(file.grid, file.ranges, file.sigmas, file.model, name);
+  file.config.model = to_model_config(file.grid, file.ranges, file.sigmas, file.model, name,
+                                      !file.store.path.empty());
+  set_window(&file, name);
   file.config.model.work_budget_voxels = file.ping_voxel_budget;
   return file;
 }

@@ -28,6 +28,13 @@ struct LogConfig {
   std::int64_t max_bytes = 0;
 };
 
+/// [store]
+struct StoreConfig {
+  std::string path;  ///< "" = no store. Relative: to the TOML file
+  /// Tiles of 16 x 16 columns whose voxels are in memory at the same time; default: as many as fit.
+  std::int64_t window_tiles = 0;
+};
+
 /// A vehicle.toml after checking.
 struct VehicleFile {
   firmware::VehicleConfig config{};
@@ -40,6 +47,7 @@ struct VehicleFile {
   std::vector<std::string> table_paths;  ///< parallel to table numbers; resolved
   std::string tide_path;                 ///< [navigation] tide_file; see tide_file.hpp. "": none
   LogConfig log;
+  StoreConfig store;
   std::int32_t cycle_us = 20'000;       ///< [cycle] period_ms; 1 .. 1000, default 20
   std::uint32_t ping_voxel_budget = 0;  ///< [cycle]; config.model.work_budget_voxels
   bool voxel_budget_given = false;      ///< [cycle] voxel_budget; else set_default_budget() sets it

@@ -23,7 +23,10 @@ struct Figure {
 std::vector<Figure> memory_figures(const VehicleFile& file, const firmware::Vehicle& vehicle) {
   const model::Grid& grid = vehicle.model().grid();
   const std::uint64_t columns = grid.column_count();
-  const std::uint64_t voxels = columns * static_cast<std::uint64_t>(grid.depth_cells());
+  // Of a window its pages, and the blank one.
+  const std::uint64_t tiles =
+      grid.windowed() ? std::uint64_t{grid.page_count()} + 1 : std::uint64_t{grid.tile_count()};
+  const std::uint64_t voxels = tiles * grid.tile_voxel_count();
   const std::uint64_t model_used = voxels * sizeof(model::Voxel) +
                                    columns * sizeof(model::ColumnRecord) +
                                    columns * sizeof(model::ColumnResult);

@@ -7,7 +7,7 @@ namespace leadline::host {
 
 ChunkBuffer::ChunkBuffer(std::size_t sources, std::size_t share_bytes)
     : share_bytes_(share_bytes), bytes_(firmware::kMaxCycleBytes) {
-  chunks_.reserve(sources * kMaxChunksPerSource + 1);
+  chunks_.reserve(sources * kMaxChunksPerSource + kOwnChunks);
 }
 
 void ChunkBuffer::clear() {

@@ -17,7 +17,9 @@ class ChunkBuffer {
  public:
   static constexpr std::size_t kSources = firmware::kMaxPorts + 1;  ///< the link is the last
   static constexpr std::size_t kMaxChunksPerSource = 64;
-  static_assert(kSources * kMaxChunksPerSource + 1 <= firmware::kMaxCycleChunks,
+  /// Of the program's own: its report, and the store's answers.
+  static constexpr std::size_t kOwnChunks = 17;
+  static_assert(kSources * kMaxChunksPerSource + kOwnChunks <= firmware::kMaxCycleChunks,
                 "what a cycle takes is replayed");
   /// Datagrams up to that size are never cut for want of room: no device nor link makes larger ones.
   static constexpr std::size_t kDatagram_bytes = 2048;

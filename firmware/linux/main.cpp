@@ -15,6 +15,7 @@
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/linux/check_config.hpp"
 #include "firmware/linux/monotonic.hpp"
+#include "firmware/linux/page_file.hpp"
 #include "firmware/linux/real_time.hpp"
 #include "firmware/linux/recorder.hpp"
 #include "firmware/linux/timing.hpp"
@@ -171,6 +172,12 @@ void print_summary(const LoopSummary& summary, const RealTimeReport& real_time,
       {"downlink_bytes", number(counters.downlink_bytes)},
       {"delta_bytes", number(counters.delta_bytes)},
       {"drained", summary.drained ? "true" : "false"},
+      {"stored", summary.stored ? "true" : "false"},
+      {"tiles_saved", number(the_vehicle.pager().counters().tiles_saved)},
+      {"tiles_loaded", number(the_vehicle.pager().counters().tiles_loaded)},
+      {"tiles_evicted", number(the_vehicle.pager().counters().tiles_evicted)},
+      {"pings_without_tile",
+       number(counters.pings_lost[static_cast<int>(leadline::firmware::PingLoss::kAbsentTile)])},
       {"map_hash", text(hex(the_vehicle.map_hash()))},
       {"cells_hash", text(hex(the_vehicle.cells_hash()))},
       {"log", recorder != nullptr ? text(recorder->path()) : (json ? "null" : "none")},
@@ -208,7 +215,16 @@ int fly(VehicleFile& file, const Options& options) {
   if (!file.log.path.empty()) {
     recorder = std::make_unique<Recorder>(file.log.path, file.log.max_bytes);
   }
-  leadline::host::VehicleLoop loop(file, tables, the_vehicle, recorder.get(), loop_options);
+  std::unique_ptr<leadline::host::PageFile> pages;
+  if (!file.store.path.empty()) {
+    pages = std::make_unique<leadline::host::PageFile>(file.store.path, file.config, tables);
+    if (pages->pages_found() > 0) {
+      std::cerr << kProgram << ": store " << pages->path() << ": resumes a map of "
+                << pages->pages_found() << " tiles\n";
+    }
+  }
+  leadline::host::VehicleLoop loop(file, tables, the_vehicle, recorder.get(), pages.get(),
+                                   loop_options);
   RealTimeReport real_time;
   if (loop_options.lockstep_path.empty()) {
     // After the recorder and the ports have made their threads: those keep ordinary priority.

@@ -26,6 +26,8 @@ constexpr base::TimeUs kReportInterval_us = 1'000'000;
 constexpr std::int64_t kFastDrain_us = 1000;
 /// Room for the program's own chunk beside the shares of the sources.
 constexpr std::size_t kOwnChunk_bytes = 128;
+/// At the end: pages that are not yet saved may take so long.
+constexpr std::int64_t kStoreDrain_us = 60'000'000;
 static_assert(firmware::kMaxHostReport_bytes <= kOwnChunk_bytes, "a report always finds room");
 
 void say(const std::string& what) {
@@ -35,7 +37,8 @@ void say(const std::string& what) {
 }
 
 std::size_t share_of(const VehicleFile& file) {
-  return (firmware::kMaxCycleBytes - kOwnChunk_bytes) / (file.port_uris.size() + 1);
+  const std::size_t store = file.config.has_store != 0 ? PageFile::kCycle_bytes : 0;
+  return (firmware::kMaxCycleBytes - kOwnChunk_bytes - store) / (file.port_uris.size() + 1);
 }
 
 void sleep_until_ready(pollfd* waits, std::size_t count, std::int64_t left_us) {
@@ -52,11 +55,13 @@ void sleep_until_ready(pollfd* waits, std::size_t count, std::int64_t left_us) {
 
 VehicleLoop::VehicleLoop(const VehicleFile& file,
                          const std::vector<model::LocalizationTable>& tables,
-                         firmware::Vehicle& vehicle, Recorder* recorder, const LoopOptions& options)
+                         firmware::Vehicle& vehicle, Recorder* recorder, PageFile* pages,
+                         const LoopOptions& options)
     : file_(file),
       tables_(tables),
       vehicle_(vehicle),
       recorder_(recorder),
+      pages_(pages),
       options_(options),
       chunks_(file.port_uris.size() + 1, share_of(file)),
       batch_(Recorder::kBatch_bytes) {
@@ -237,6 +242,9 @@ std::uint32_t VehicleLoop::downlink_room() const {
 void VehicleLoop::run_cycle(base::TimeUs t_us) {
   const std::int64_t start_us = monotonic_us();
   add_host_report(t_us);
+  if (pages_ != nullptr) {
+    pages_->take(t_us, &chunks_);
+  }
   const firmware::CycleInput input = {t_us, chunks_.chunks(), chunks_.chunk_count(),
                                       downlink_room()};
   firmware::CycleOutput output{};
@@ -244,6 +252,9 @@ void VehicleLoop::run_cycle(base::TimeUs t_us) {
   vehicle_.cycle(input, output);
   send(output);
   timing_.cycle.add(monotonic_us() - start_us);
+  if (pages_ != nullptr) {
+    pages_->ask(output.store);
+  }
   record(input, output);
   chunks_.clear();
   summary_.cycles += 1;
@@ -370,6 +381,7 @@ void VehicleLoop::drain(const volatile std::sig_atomic_t& stop) {
   stopping_ = true;
   const base::TimeUs begin_us = lockstep() ? summary_.t_us : monotonic_us();
   std::int64_t quiet_us = monotonic_us();
+  const std::int64_t real_begin_us = quiet_us;
   const std::sig_atomic_t stop_before = stop;
   while (stop == stop_before) {
     // Virtual time need not wait for the link's rate; the topside's questions take real time.
@@ -386,10 +398,22 @@ void VehicleLoop::drain(const volatile std::sig_atomic_t& stop) {
     quiet_us = link_spoke_ ? monotonic_us() : quiet_us;
     run_cycle(t_us);
     summary_.drained = vehicle_.drained() && port(link_index()).pending_out_bytes() == 0;
+    const bool given_up =
+        t_us - begin_us >= options_.drain_us + (summary_.drained ? options_.linger_us : 0);
+    if (pages_ != nullptr && !finish_said_ && (summary_.drained || given_up)) {
+      finish_said_ = true;
+      pages_->finish();
+    }
+    summary_.stored = pages_ == nullptr || (finish_said_ && vehicle_.stored());
+    const bool store_given_up =
+        monotonic_us() - real_begin_us >= options_.drain_us + kStoreDrain_us;
+    if (!summary_.stored && !store_given_up) {
+      continue;
+    }
     if (summary_.drained && monotonic_us() - quiet_us >= options_.linger_us) {
       return;
     }
-    if (t_us - begin_us >= options_.drain_us + (summary_.drained ? options_.linger_us : 0)) {
+    if (given_up) {
       return;
     }
   }

@@ -13,6 +13,7 @@
 
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/linux/chunk_buffer.hpp"
+#include "firmware/linux/page_file.hpp"
 #include "firmware/linux/recorder.hpp"
 #include "firmware/linux/service_manager.hpp"
 #include "firmware/linux/timing.hpp"
@@ -38,6 +39,7 @@ struct LoopSummary {
   std::int64_t cycle_max_us = 0;  ///< longest cycle, real time, waiting not counted
   std::uint64_t overruns = 0;     ///< cycles that began a period or more too late
   bool drained = false;           ///< everything had left when it stopped
+  bool stored = false;            ///< every page was saved when it stopped, or there is no store
   base::TimeUs t_us = 0;          ///< of the last cycle
 };
 
@@ -45,9 +47,10 @@ class VehicleLoop {
  public:
   /// Makes the ports (throws HostError kUsage: a host without address, an address that is taken, a device
   /// that is none, or not there and not optional). The
-  /// vehicle is configured; `recorder` may be null. All outlive the loop.
+  /// vehicle is configured; `recorder` and `pages` may be null. All outlive the loop.
   VehicleLoop(const VehicleFile& file, const std::vector<model::LocalizationTable>& tables,
-              firmware::Vehicle& vehicle, Recorder* recorder, const LoopOptions& options);
+              firmware::Vehicle& vehicle, Recorder* recorder, PageFile* pages,
+              const LoopOptions& options);
   ~VehicleLoop();
   VehicleLoop(const VehicleLoop&) = delete;
   VehicleLoop& operator=(const VehicleLoop&) = delete;
@@ -95,6 +98,8 @@ class VehicleLoop {
   const std::vector<model::LocalizationTable>& tables_;
   firmware::Vehicle& vehicle_;
   Recorder* recorder_;
+  PageFile* pages_;
+  bool finish_said_ = false;  ///< to the store
   LoopOptions options_;
   hal::LockstepClient clock_;
   std::vector<Line> lines_;  ///< device ports, then the link

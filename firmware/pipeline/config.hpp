@@ -165,6 +165,9 @@ struct VehicleConfig {
   /// Differs whenever the vehicle starts over with an empty map: the program takes it from the clock of the
   /// day or a counter. Part of every frame's tag, and of the log.
   std::uint32_t session;
+  /// From schema version 2 on, as is model.resident_tiles. 1: a store holds the map's pages (tile_pager.hpp),
+  /// and answers on kStorePort.
+  std::uint16_t has_store;
   char survey_name[kMaxConfigText_bytes];
   char vertical_datum[kMaxConfigText_bytes];  ///< what depth 0 means; informative
 };

@@ -185,6 +185,8 @@ void walk_added_2(Visit& visit, VehicleConfig& config) {
     visit(port.max_returns);
     visit(port.quality_weight_percent);
   }
+  visit(config.model.resident_tiles);
+  visit(config.has_store);
 }
 
 template <typename Visit>

@@ -36,6 +36,11 @@ constexpr std::int32_t kFastestSound_mm_s = 6'000'000;
 // Columns that one tile of the budget pays for: it reads, smooths and assesses its own, and one more share
 // for what it brings up to date around it.
 constexpr std::uint32_t kColumnsPerTile = 4 * proto::kTileArea_cells;
+// A ping waits so long for its voxels.
+constexpr TimeUs kMostHold_us = 1'000'000;
+// Where the vehicle will be so much later decides which tiles come early; its speed is that of the last step.
+constexpr std::int32_t kLookAhead_s = 10;
+constexpr TimeUs kTrackStep_us = 1'000'000;
 // Weights of the extraction: a tile that pings wrote into, and those that only look at it.
 constexpr std::uint32_t kTouchedWeight = 64;
 constexpr std::uint32_t kNearWeight = 16;
@@ -116,6 +121,8 @@ const char* ping_loss_name(PingLoss loss) {
       return "bad";
     case PingLoss::kNoPath:
       return "no_path";
+    case PingLoss::kAbsentTile:
+      return "absent_tile";
     case PingLoss::kCount:
       break;
   }
@@ -129,7 +136,8 @@ Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) {
   if (config.port_count > kMaxPorts || config.mount_count > kMaxMounts || config.table_count < 1 ||
       config.table_count > kMaxTables || config.cycle_tile_budget < 1 ||
       !within(config.sound_speed_mm_s, kSlowestSound_mm_s, kFastestSound_mm_s) ||
-      !tide_sound(config.water) || !link_sound(config.link) || config.navigation.max_wait_us < 0) {
+      (config.has_store != 0 && config.model.resident_tiles == 0) || !tide_sound(config.water) ||
+      !link_sound(config.link) || config.navigation.max_wait_us < 0) {
     return Status::kOutOfRange;
   }
   if (table_count != config.table_count) {
@@ -222,6 +230,17 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   ledger_.reset();
   looked_at_ = LookedAt{};
   digest_asked_ = proto::TileRange{};
+  if (model_.grid().windowed()) {
+    const std::int64_t reach_cells =
+        config_.model.max_range_um / (static_cast<std::int64_t>(config_.model.cell_mm) * 1000);
+    pager_.configure(
+        model_.grid(),
+        static_cast<std::int32_t>(min_of<std::int64_t>(reach_cells, model::kMaxRangeCells)) +
+            model::kMaxFootprintCells,
+        config_.has_store != 0);
+  }
+  holding_ = false;
+  has_track_ = false;
   downlink_.configure(config_.link.rate_bytes_s, config_.link.mtu_bytes);
   uplink_.decoder().reset();
   uplink_bad_ = uplink_errors();
@@ -286,6 +305,7 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
                             bytes.size() - size);
     output.device_requests[port] = OutputSpan{requests_[port].data(), size};
   }
+  page_tiles(output.store);
   count_levels();
 }
 
@@ -333,6 +353,10 @@ void Vehicle::take_chunks(const CycleInput& input) {
     const std::size_t size = min_of<std::size_t>(chunk.size_bytes, room);
     counters_.bytes_over_limit += chunk.size_bytes - size;
     room -= size;
+    if (chunk.port == kStorePort && chunk.data != nullptr && model_.grid().windowed()) {
+      pager_.take(chunk.data, size, model_.grid());
+      continue;
+    }
     take_chunk(chunk, size);
   }
 }
@@ -549,11 +573,14 @@ std::uint32_t Vehicle::cycle_bound_voxels() const {
 }
 
 // The ready ping with all its returns, seen from `head`. Each return goes its own way through the water.
-void Vehicle::map_ready(const Pose& head, std::uint32_t& written) {
+bool Vehicle::map_ready(const Pose& head, std::uint32_t& written) {
   const std::uint8_t sensor = config_.mounts[ready_.mount].table;
   const std::int32_t percent = config_.ports[port_of_head(ready_.mount)].quality_weight_percent;
-  static_cast<void>(model_.integrate(ready_, head, sensor,
-                                     {quality_share_q8(ready_.quality, percent), clear_um_}));
+  const model::PingResult result = model_.integrate(
+      ready_, head, sensor, {quality_share_q8(ready_.quality, percent), clear_um_});
+  if (result == model::PingResult::kAbsentTile) {
+    return false;
+  }
   written += model_.counters().last_voxels_per_ping;
   keep_mapped(head);
   for (int i = 0; i < behind_count_; ++i) {
@@ -566,6 +593,7 @@ void Vehicle::map_ready(const Pose& head, std::uint32_t& written) {
       written += model_.counters().last_voxels_per_ping;
     }
   }
+  return true;
 }
 
 void Vehicle::map_pings() {
@@ -584,7 +612,15 @@ void Vehicle::map_pings() {
     bool wait = false;
     unbent_ = ready_;
     if (pose_for(ready_, pose, loss, wait) && straightened(pose, loss)) {
-      map_ready(pose, written);
+      if (!map_ready(pose, written)) {
+        if (hold_ping()) {
+          break;
+        }
+        lose(PingLoss::kAbsentTile);
+        pending_.pop();
+        has_ready_ = false;
+        continue;
+      }
       ++counters_.pings_mapped;
       any = true;
       watch_.paused = false;
@@ -596,12 +632,63 @@ void Vehicle::map_pings() {
     }
     pending_.pop();
     has_ready_ = false;
+    holding_ = false;
   }
   counters_.work_last_voxels = written;
   counters_.work_max_voxels = max_of(counters_.work_max_voxels, written);
 }
 
 // What pings touched is stale, and what looks that far.
+// A ping whose tiles are not in memory stays the first, and comes again with the next cycle. False: it has
+// waited long enough.
+bool Vehicle::hold_ping() {
+  ready_ = unbent_;
+  held_since_us_ = holding_ ? held_since_us_ : now_us_;
+  holding_ = now_us_ - held_since_us_ < kMostHold_us;
+  counters_.cycles_held += holding_ ? 1U : 0U;
+  return holding_;
+}
+
+// Which tiles are wanted in memory: those that a ping waits for, here, and ahead by the speed of the last
+// second.
+void Vehicle::page_tiles(StoreOutput& output) {
+  model::Grid& grid = model_.grid();
+  if (!grid.windowed()) {
+    return;
+  }
+  const Pose& pose = navigator_.latest();
+  PagerSituation situation{};
+  situation.placed = (pose.validity & base::kPoseHorizontal) != 0;
+  situation.wanted = holding_ ? model_.wanted_tiles() : model::TileBox{0, -1, 0, -1};
+  if (situation.placed) {
+    std::int32_t here[2] = {};
+    for (int axis = 0; axis < 2; ++axis) {
+      const std::int64_t offset_um = pose.position_um[axis] - config_.model.origin_mm[axis] * 1000;
+      constexpr std::int64_t kFar_cells = 4 * model::kMaxSideCells;
+      here[axis] = static_cast<std::int32_t>(base::clamp<std::int64_t>(
+          offset_um / (static_cast<std::int64_t>(config_.model.cell_mm) * 1000), -kFar_cells,
+          kFar_cells));
+    }
+    const TimeUs elapsed_us = now_us_ - track_us_;
+    if (!has_track_ || elapsed_us >= kTrackStep_us) {
+      for (int axis = 0; axis < 2; ++axis) {
+        const std::int64_t moved_q8 = static_cast<std::int64_t>(here[axis] - track_[axis]) * 256;
+        speed_q8_[axis] = has_track_ ? static_cast<std::int32_t>(base::clamp<std::int64_t>(
+                                           moved_q8 * 1'000'000 / elapsed_us, -(1 << 20), 1 << 20))
+                                     : 0;
+        track_[axis] = here[axis];
+      }
+      has_track_ = true;
+      track_us_ = now_us_;
+    }
+    situation.north_cells = here[0];
+    situation.east_cells = here[1];
+    situation.ahead_north_cells = here[0] + speed_q8_[0] * kLookAhead_s / 256;
+    situation.ahead_east_cells = here[1] + speed_q8_[1] * kLookAhead_s / 256;
+  }
+  pager_.cycle(situation, grid, output);
+}
+
 void Vehicle::note_touched_tiles() {
   const model::Grid& grid = model_.grid();
   constexpr std::int32_t kReach = Model::kInfluenceTiles;

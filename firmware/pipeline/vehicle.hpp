@@ -21,6 +21,7 @@
 #include "firmware/pipeline/link_map.hpp"
 #include "firmware/pipeline/ping_queue.hpp"
 #include "firmware/pipeline/sound_path.hpp"
+#include "firmware/pipeline/tile_pager.hpp"
 #include "firmware/pipeline/tile_set.hpp"
 #include "model/base/pose.hpp"
 #include "model/base/status.hpp"
@@ -36,6 +37,9 @@ namespace leadline::firmware {
 
 /// Port number of the link's uplink in InputChunk::port; device ports are 0 .. port_count - 1.
 inline constexpr std::uint8_t kUplinkPort = 255;
+
+/// Port number of the store's answers (tile_pager.hpp).
+inline constexpr std::uint8_t kStorePort = 253;
 
 /// Most bytes that one cycle takes from all its chunks together; what is beyond is dropped and counted.
 /// Whoever reads the ports offers no more.
@@ -69,6 +73,7 @@ struct OutputSpan {
 struct CycleOutput {
   OutputSpan downlink;                    ///< whole frames, back to back
   OutputSpan device_requests[kMaxPorts];  ///< bytes that each device is owed; size 0: none
+  StoreOutput store;                      ///< pages to be saved and loaded
 };
 
 /// One localization table as read from disk: exactly the block.
@@ -79,14 +84,15 @@ struct TableBlock {
 
 /// Why a ping that a codec delivered did not reach the model.
 enum class PingLoss : std::uint8_t {
-  kShed = 0,       ///< the queue was full: the oldest gave way
-  kNoPose = 1,     ///< no pose came within max_wait_us, or the ping is older than all poses
-  kPoseGap = 2,    ///< poses on its two sides are too far apart
-  kPoseEpoch = 3,  ///< navigation jumped during the ping
-  kPaused = 4,     ///< position less certain than any footprint is wide (kPauseSigma)
-  kBad = 5,        ///< fields out of range
-  kNoPath = 6,     ///< the water lets no such beam come back (sound_path.hpp)
-  kCount = 7,
+  kShed = 0,        ///< the queue was full: the oldest gave way
+  kNoPose = 1,      ///< no pose came within max_wait_us, or the ping is older than all poses
+  kPoseGap = 2,     ///< poses on its two sides are too far apart
+  kPoseEpoch = 3,   ///< navigation jumped during the ping
+  kPaused = 4,      ///< position less certain than any footprint is wide (kPauseSigma)
+  kBad = 5,         ///< fields out of range
+  kNoPath = 6,      ///< the water lets no such beam come back (sound_path.hpp)
+  kAbsentTile = 7,  ///< voxels that it needs did not come into memory within kMostHold_us
+  kCount = 8,
 };
 /// Short name for statistics (`shed`, ...).
 [[nodiscard]] const char* ping_loss_name(PingLoss loss);
@@ -109,6 +115,7 @@ struct VehicleCounters {
   std::uint64_t pings_in;            ///< records of sonar codecs
   std::uint64_t pings_mapped;  ///< handed to the model, whose counters say what became of them
   std::uint64_t pings_lost[static_cast<int>(PingLoss::kCount)];
+  std::uint64_t cycles_held;          ///< in which a ping waited for voxels
   std::uint64_t profiles_detected;    ///< profiles with an echo
   std::uint64_t profiles_undetected;  ///< without: mapped as no return
   std::uint64_t nav_samples;
@@ -197,6 +204,11 @@ class Vehicle {
            !(ledger_.heard() && ledger_.under_way_frames() > 0);
   }
   [[nodiscard]] const LinkLedger& ledger() const { return ledger_; }
+  /// Everything is in the store, as far as there is one. O(tiles).
+  [[nodiscard]] bool stored() const {
+    return !model_.grid().windowed() || pager_.settled(model_.grid());
+  }
+  [[nodiscard]] const TilePager& pager() const { return pager_; }
   /// Pings that the last cycle mapped, oldest first; of more than kMappedKept_count the first. For the
   /// host, which writes soundings beside a map.
   static constexpr std::size_t kMappedKept_count = 32;
@@ -254,9 +266,12 @@ class Vehicle {
   void take_report(const proto::Report& report);
   void take_look(const proto::Look& look);
   void map_pings();
+  [[nodiscard]] bool hold_ping();
+  void page_tiles(StoreOutput& output);
   void make_ready();
   void find_echo();
-  void map_ready(const base::Pose& head, std::uint32_t& written);
+  /// False: voxels that it needs are not in memory.
+  [[nodiscard]] bool map_ready(const base::Pose& head, std::uint32_t& written);
   [[nodiscard]] bool pose_for(const base::Ping& ping, base::Pose& pose, PingLoss& loss,
                               bool& wait) const;
   [[nodiscard]] bool straightened(const base::Pose& head, PingLoss& loss);
@@ -313,6 +328,14 @@ class Vehicle {
   int behind_count_ = 0;
   std::int64_t clear_um_ = base::kMaxRange_um;  ///< up to where the ready ping heard nothing
   std::uint32_t ping_bound_ = 0;                ///< voxels of one ping with all its returns
+  // A map larger than memory.
+  TilePager pager_;
+  bool holding_ = false;  ///< it waits for voxels
+  base::TimeUs held_since_us_ = 0;
+  base::TimeUs track_us_ = 0;  ///< when the vehicle was at track_
+  bool has_track_ = false;
+  std::int32_t track_[2] = {};                                    ///< north, east in cells
+  std::int32_t speed_q8_[2] = {};                                 ///< cells a second
   std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
   std::size_t mapped_count_ = 0;

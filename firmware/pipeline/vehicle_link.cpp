@@ -474,13 +474,14 @@ void Vehicle::fill_status(proto::Status& status) const {
 
   static_assert(proto::kPingNotConfigured == static_cast<int>(model::PingResult::kNotConfigured),
                 "the outcomes' first part is the model's own");
-  for (int i = 0; i < static_cast<int>(model::PingResult::kCount); ++i) {
+  // kAbsentTile, which follows, is no outcome: such a ping waits, and is shed in the end.
+  for (int i = 0; i <= proto::kPingNotConfigured; ++i) {
     status.pings[i] = low32(model_.counters().pings[i]);
   }
   const auto lost = [this](PingLoss loss) {
     return low32(counters_.pings_lost[static_cast<int>(loss)]);
   };
-  status.pings[proto::kPingShed] = lost(PingLoss::kShed);
+  status.pings[proto::kPingShed] = lost(PingLoss::kShed) + lost(PingLoss::kAbsentTile);
   status.pings[proto::kPingNoPose] =
       lost(PingLoss::kNoPose) + lost(PingLoss::kPoseGap) + lost(PingLoss::kPoseEpoch);
   status.pings[proto::kPingBad] = lost(PingLoss::kBad) + lost(PingLoss::kNoPath);

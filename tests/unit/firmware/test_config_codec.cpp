@@ -85,8 +85,9 @@ TEST(a_blob_of_version_1_reads_with_what_it_lacks_at_zero) {
   const VehicleConfig whole = decode_config(blob.data(), blob.size()).value();
   assert_int_equal(whole.ports[7].max_returns, 3);
   assert_int_equal(whole.ports[7].quality_weight_percent, 80);
-  // As version 1 wrote it: without the two fields of eight ports, its version in the header and in the body.
-  blob.resize(blob.size() - 2 * 4 * 8);
+  // As version 1 wrote it: without the two fields of eight ports, and the window and the store; its version in the
+  // header and in the body.
+  blob.resize(blob.size() - 2 * 4 * 8 - 4 - 2);
   blob[4] = blob[16] = 1;
   for (unsigned i = 0; i < 4; ++i) {
     blob[8 + i] = static_cast<std::uint8_t>(blob.size() >> (8 * i));

@@ -167,11 +167,8 @@ TEST(nothing_depends_on_where_a_page_lies) {
     if (a == b) {
       continue;
     }
-    const std::uint32_t page_a = grid.tile(a).page;
-    const std::uint32_t page_b = grid.tile(b).page;
-    const std::size_t voxels_per_page = 256U * static_cast<std::size_t>(grid.depth_cells());
-    Voxel* const from = grid.column_voxels(page_a << 8U);
-    std::swap_ranges(from, from + voxels_per_page, grid.column_voxels(page_b << 8U));
+    std::swap_ranges(grid.tile_voxels(a), grid.tile_voxels(a) + grid.tile_voxel_count(),
+                     grid.tile_voxels(b));
     std::swap(grid.tile(a).page, grid.tile(b).page);
   }
   assert_true(grid.map_hash() == map_before);
