@@ -20,7 +20,6 @@ constexpr TimeUs kLateFor_us = 2'000'000;
 constexpr int kHighBlocks = 4;
 // A best pair this many stated errors above the line is not latency.
 constexpr std::int64_t kHighErrors = 8;
-constexpr std::int64_t kSecond_us = 1'000'000;
 
 bool within(std::int64_t value, std::int64_t limit) { return value >= -limit && value <= limit; }
 
@@ -236,26 +235,6 @@ TimeUs ClockSync::stamp(TimeUs t_device_us, TimeUs t_arrival_us) {
   }
   stamp_newest_us_ = max_of(stamp_newest_us_, min_of(reading.t_us, t_arrival_us));
   return stamp_newest_us_;
-}
-
-void PulseSync::add_pulse(TimeUs t_us) {
-  pulse_us_ = t_us;
-  waiting_ = true;
-}
-
-bool PulseSync::add_utc(TimeUs utc_us, TimeUs t_arrival_us, TimeUs& pulse_utc_us,
-                        TimeUs& pulse_t_us) {
-  const std::int64_t elapsed_us = t_arrival_us - pulse_us_;
-  if (!waiting_ || elapsed_us < 0 || elapsed_us >= kSecond_us || !within(utc_us, kFarthest_us)) {
-    return false;
-  }
-  waiting_ = false;
-  // The message is late by less than a second: the pulse is the first whole second from here on.
-  const std::int64_t from_us = utc_us - elapsed_us;
-  const std::int64_t past_us = ((from_us % kSecond_us) + kSecond_us) % kSecond_us;
-  pulse_utc_us = past_us == 0 ? from_us : from_us - past_us + kSecond_us;
-  pulse_t_us = pulse_us_;
-  return true;
 }
 
 }  // namespace leadline::estimator

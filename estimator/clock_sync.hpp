@@ -108,19 +108,4 @@ class ClockSync {
   ClockSyncCounters counters_{};
 };
 
-/// Which whole second of UTC a pulse was: pulses say when exactly, messages say roughly which. A message about
-/// an instant comes less than a second after it.
-class PulseSync {
- public:
-  void add_pulse(base::TimeUs t_us);
-  /// True: the last pulse was at `utc_us`, a whole second, and nobody has been told yet: a pair
-  /// (device time, arrival) for ClockSync, with its device the clock of UTC. O(1).
-  [[nodiscard]] bool add_utc(base::TimeUs utc_us, base::TimeUs t_arrival_us,
-                             base::TimeUs& pulse_utc_us, base::TimeUs& pulse_t_us);
-
- private:
-  base::TimeUs pulse_us_ = 0;
-  bool waiting_ = false;
-};
-
 }  // namespace leadline::estimator

@@ -129,6 +129,19 @@ class Framer {
     return false;
   }
 
+  /// Frames to `take`, a callable bool(const FrameBytes&), until it says that one became a record; false: none
+  /// did. What a codec's next() does.
+  template <class Rules, class Take>
+  [[nodiscard]] bool take_next(const Rules& rules, CodecCounters& counters, const Take& take) {
+    FrameBytes frame{};
+    while (next(rules, counters, frame)) {
+      if (take(frame)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
   /// The other end is known to have stopped sending: what is buffered gets no more, and nothing reaches
   /// across. Takes effect with the next call of next().
   void pause() { pause_at_ = begin_ == end_ ? pause_at_ : end_; }

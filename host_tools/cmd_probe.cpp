@@ -14,13 +14,14 @@ void add_probe_command(CLI::App* app, CommandRun* run) {
       app->add_subcommand("probe", "Say what talks at a port, and show its values live");
   command
       ->add_option("uri", options->uri,
-                   "serial:PATH:BAUD, udp:, tcp:, can:, modbus-rtu:, modbus-tcp:, file:")
+                   "serial:PATH:BAUD, udp:, tcp:, can:, gpio:, modbus-rtu:, modbus-tcp:, file:")
       ->type_name("URI")
       ->required();
   command
       ->add_option(
           "--driver", options->driver,
-          "Only this one (nmea2000 anywhere but on can: has to be named):\n" + driver_names_help())
+          "Only this one (nmea2000 anywhere but on can: has to be named, line but on gpio:):\n" +
+              driver_names_help())
       ->type_name("NAME");
   command->add_flag("--ask", options->ask,
                     "Also send the requests of devices that wait for them, one driver after the\n"

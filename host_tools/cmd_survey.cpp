@@ -10,8 +10,8 @@ void add_survey_command(CLI::App* app, CommandRun* run_later) {
   const auto arguments = std::make_shared<SurveyArguments>();
   SurveyOptions& options = arguments->survey;
   CLI::App* const command = app->add_subcommand(
-      "survey", "Make pings and poses of a survey's recordings: XTF (R2Sonic), SonTek .sum");
-  command->add_option("files", options.paths, "Recordings, .xtf or .sum: one line each")
+      "survey", "Make pings and poses of a survey's recordings: XTF (R2Sonic), SonTek .sum, PD0");
+  command->add_option("files", options.paths, "Recordings, .xtf, .sum, .pd0 or .enx: one line each")
       ->type_name("FILE")
       ->required();
   command->add_option("--out", options.out_path, "Pings, CSV as `leadline map` reads it")

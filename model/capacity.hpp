@@ -15,6 +15,10 @@
 #define LEADLINE_SENSOR_CAPACITY 4
 #endif
 
+#ifndef LEADLINE_QUEUE_PINGS
+#define LEADLINE_QUEUE_PINGS \
+  4096  // beams that wait for their pose: 320 KiB; a head of 256 makes 256 a ping
+#endif
 #ifndef LEADLINE_QUEUE_BINS
 #define LEADLINE_QUEUE_BINS 65536  // of profiles that wait for their pose: 128 KiB
 #endif

@@ -123,6 +123,7 @@ enum Alarm : std::uint32_t {
   kAlarmInputDropped = 1U << 10U,  ///< device bytes were dropped for want of room
   kAlarmPoseEpoch = 1U << 11U,     ///< navigation jumped: a new epoch since the last status
   kAlarmRestarted = 1U << 12U,     ///< the vehicle failed and started over, with an empty map
+  kAlarmLeak = 1U << 13U,          ///< a leak switch is wet
 };
 
 inline constexpr int kMaxStatusPorts = 8;

@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
 # Runs every libFuzzer target (tests/fuzz/fuzz_*.cpp) for a while, with ASan and UBSan.
 #
-# usage: toolchain/fuzz.sh [--seconds N | --total N] [--seed N] [TARGET...]
+# usage: toolchain/fuzz.sh [--seconds N | --total N | --inputs N] [--seed N] [TARGET...]
 #   --seconds N   per target (default 60)
 #   --total N     seconds for all of them together, at least 1 each
+#   --inputs N    so many inputs per target, however long that takes; what one has had in all such runs is kept in
+#                 out/fuzz/TARGET/inputs and said beside the billion that is asked for. The seed counts on by itself
 #   --seed N      of libFuzzer (default 1; the same seed gives the same inputs)
 #   TARGET...     only these (default: all)
 #
@@ -14,15 +16,18 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 seconds=60
 total=
-seed=1
+inputs=
+seed=
+goal=1000000000
 targets=()
 while [ $# -gt 0 ]; do
   case $1 in
-    --seconds | --total | --seed)
+    --seconds | --total | --inputs | --seed)
       [ $# -ge 2 ] || usage_error "$1 wants a number"
       case $1 in
         --seconds) seconds=$2 ;;
         --total) total=$2 ;;
+        --inputs) inputs=$2 ;;
         --seed) seed=$2 ;;
       esac
       shift
@@ -46,6 +51,7 @@ if [ -n "$total" ]; then
   seconds=$((total / ${#targets[@]}))
   [ "$seconds" -gt 0 ] || seconds=1
 fi
+case $inputs in *[!0-9]* | 0) usage_error "--inputs wants a whole number from 1" ;; esac
 configure_and_build fuzz "${targets[@]}"
 
 failed=()
@@ -55,16 +61,31 @@ for target in "${targets[@]}"; do
   mkdir -p "$found/corpus"
   folders=("$found/corpus")
   [ ! -d "$seeds" ] || folders+=("$seeds")
-  say "fuzz $target, $seconds s"
-  # libFuzzer ends by itself; the outer limit is for a target that hangs where it cannot look.
-  if ! timeout $((seconds + 120)) "$root/build/fuzz/tests/$target" -max_total_time="$seconds" \
-    -seed="$seed" -timeout=10 -rss_limit_mb=2048 -max_len=65536 -print_final_stats=1 \
+  before=$(cat "$found/inputs" 2>/dev/null || echo 0)
+  if [ -n "$inputs" ]; then
+    say "fuzz $target, $inputs inputs"
+    limits=(-runs="$inputs" -seed="${seed:-$((before / inputs + 1))}")
+    patience=()
+  else
+    say "fuzz $target, $seconds s"
+    limits=(-max_total_time="$seconds" -seed="${seed:-1}")
+    # libFuzzer ends by itself; the outer limit is for a target that hangs where it cannot look.
+    patience=(timeout $((seconds + 120)))
+  fi
+  if ! "${patience[@]}" "$root/build/fuzz/tests/$target" "${limits[@]}" \
+    -timeout=10 -rss_limit_mb=2048 -max_len=65536 -print_final_stats=1 \
     -artifact_prefix="$found/" "${folders[@]}" >"$found/log" 2>&1; then
     tail -n 60 "$found/log"
     failed+=("$target")
   fi
   # A target that stopped looking at once is no test.
   grep -E '^stat::(number_of_executed_units|peak_rss_mb)' "$found/log" || true
+  if [ -n "$inputs" ]; then
+    done=$((before + $(sed -n 's/^stat::number_of_executed_units: *//p' "$found/log" | tail -1)))
+    echo "$done" >"$found/inputs"
+    awk -v t="$target" -v n="$done" -v g="$goal" \
+      'BEGIN {printf "fuzz: %s: %.3g inputs in all, %.2g of %.0g\n", t, n, n / g, g}'
+  fi
 done
 [ ${#failed[@]} -eq 0 ] || die "failed: ${failed[*]} (inputs in out/fuzz/)"
 echo "fuzz: ${#targets[@]} targets, nothing found"

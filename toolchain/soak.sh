@@ -2,7 +2,7 @@
 # Runs the long trials and reports what was reached.
 #
 # usage: toolchain/soak.sh [--minutes N] [--work-bound-pings N]
-#        toolchain/soak.sh --sensors [--minutes N]
+#        toolchain/soak.sh --sensors|--transports [--minutes N]
 #   --minutes N            in all (default 60): a quarter each for fuzzing, for mapping and for the search
 #                          for the worst ping; the tests labelled full take what they take
 #   --work-bound-pings N   pings per configuration of that search (default: what a quarter of the time
@@ -12,6 +12,8 @@
 #   --sensors              only this, for N minutes (default 10): all emulated devices at ten times their
 #                          rate, lines that break at random. In = fused + shed + rejected, to the byte and
 #                          the record; no growth in memory or descriptors
+#   --transports           the same in real time, with every device a program of its own behind a real pty, socket or
+#                          Modbus line, killed and started again at random: three vehicles side by side
 #
 #   tests     those labelled full, release build
 #   fuzzing   every fuzz target in turn
@@ -28,6 +30,7 @@ minutes=
 bound_pings=
 sensors_only=false
 target_logs=0
+transports_only=false
 while [ $# -gt 0 ]; do
   case $1 in
     --minutes)
@@ -46,6 +49,7 @@ while [ $# -gt 0 ]; do
       target_logs=$2
       shift
       ;;
+    --transports) transports_only=true ;;
     -h | --help)
       print_help
       exit 0
@@ -71,7 +75,7 @@ fi
 
 if [ -z "$minutes" ]; then
   minutes=60
-  ! $sensors_only || minutes=10
+  ! $sensors_only && ! $transports_only || minutes=10
 fi
 case $minutes in '' | *[!0-9]* | 0) usage_error "--minutes wants a whole number from 1" ;; esac
 bound_pings=${bound_pings:-$((minutes * 7500))}
@@ -101,6 +105,12 @@ sensors_at_ten_times_their_rate() {
 
 overload() {
   LEADLINE_OVERLOAD_S=600 "$root/build/release/tests/property.overload" 2>&1 | tee "$out/overload.txt"
+}
+
+vehicles_on_real_lines() {
+  LEADLINE=$leadline LEADLINE_VEHICLE=$root/build/release/firmware/leadline-vehicle \
+    LEADLINE_TRANSPORT_SOAK_S=$((minutes * 60)) \
+    python3 "$root/tests/cli/test_transport_soak_ci.py" 2>&1 | tee "$out/transports.txt"
 }
 
 map_again_and_again() {
@@ -143,6 +153,12 @@ if $sensors_only; then
   step "build release" configure_and_build release property.faults_soak_ci || { step_summary; exit 1; }
   step "sensors, $minutes min" sensors_at_ten_times_their_rate || true
   grep -h '^reached\|vehicles. time; memory' "$out/sensors.txt" | tail -1 | sed 's/^/sensors: /' || true
+  step_summary
+  exit
+fi
+if $transports_only; then
+  step "build release" configure_and_build release leadline leadline-vehicle || { step_summary; exit 1; }
+  step "transports, $minutes min" vehicles_on_real_lines || true
   step_summary
   exit
 fi

@@ -4,7 +4,7 @@
 # a map foretells soundings that it has not seen, beside plain gridding; what the patch test finds; how straight
 # the walls of a tank are, and how far apart, in the voxels of a scanning head.
 #
-# usage: toolchain/surveys.sh [--data DIR] [--out DIR] [--no-build] [r2sonic | caputh | ping360]...
+# usage: toolchain/surveys.sh [--data DIR] [--out DIR] [--no-build] [r2sonic | caputh | ping360 | river]...
 #   --data DIR   the shared data (default: $LEADLINE_DATA, or ../shared/data)
 #   --out DIR    where pings, maps and pictures go (default out/surveys)
 #   --no-build   take build/release as it is
@@ -30,12 +30,12 @@ while [ $# -gt 0 ]; do
       print_help
       exit 0
       ;;
-    r2sonic | caputh | ping360) surveys+=("$1") ;;
+    r2sonic | caputh | ping360 | river) surveys+=("$1") ;;
     *) usage_error "unknown option $1" ;;
   esac
   shift
 done
-[ ${#surveys[@]} -gt 0 ] || surveys=(r2sonic caputh ping360)
+[ ${#surveys[@]} -gt 0 ] || surveys=(r2sonic caputh ping360 river)
 if [ ! -d "$data" ]; then
   echo "*skipped*: no data at $data"
   exit 77
@@ -162,6 +162,34 @@ run_ping360() {
   "$leadline" render "$work/map" --view slice --axis down --at 0.005 --width 640 \
     --title "Ping360 in a tank: horizontal slice, 2 cm cells" --out "$out/ping360.png"
   "$root/build/release/tests/tank_walls" "$work/map" 0.005 0.3 0.95
+}
+
+# Sonar and navigation from one file; every second ensemble mapped, the others foretold.
+run_river() {
+  local file=$data/adcp_dvl_pd0/raw/winriver02_transect.PD0
+  local config=$root/toolchain/surveys/river.toml
+  if [ ! -f "$file" ]; then
+    echo "*skipped*: no $file"
+    return
+  fi
+  echo "## A river, four beams of an ADCP"
+  "$leadline" survey "$file" --out "$out/river.csv"
+  echo "## A river: the signs in 1 m cells"
+  local way
+  for way in "" "--level" "--flip pitch" "--flip roll"; do
+    # shellcheck disable=SC2086 # an option and its value
+    printf '%s: ' "${way:-as given}"
+    "$leadline" survey "$file" --cell 1 --no-check $way 2> /dev/null | sed -n 's/^ *as given: //p'
+  done
+  echo "## A river, every second ensemble mapped, the others foretold"
+  awk -F, -v even="$out/river-even.csv" -v odd="$out/river-odd.csv" '
+    NR == 1 { print > even; print > odd; next }
+    $1 - last > 200000 { ping++ }
+    { last = $1; print > (ping % 2 ? odd : even) }' "$out/river.csv"
+  foretold "$out/river-even.csv" "$config" "$out/river-odd.csv" river-half
+  "$leadline" map --pings "$out/river.csv" --config "$config" --out "$out/river.map"
+  "$leadline" grid --pings "$out/river.csv" --config "$config" --out "$out/river.grid" > /dev/null
+  picture river "A river across, four beams of an ADCP, 1 m cells" 1
 }
 
 mkdir -p "$out"

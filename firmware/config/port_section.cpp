@@ -120,7 +120,7 @@ struct SwitchKey {
   DriverSet drivers;
 };
 
-constexpr std::array<SwitchKey, 25> kSwitchKeys{{
+constexpr std::array<SwitchKey, 27> kSwitchKeys{{
     {"clockwise", firmware::kPortOtherSense, true, kScanners},
     {"positive_to_port", firmware::kPortOtherSense, true, of(Driver::kCerulean)},
     {"positive_to_starboard", firmware::kPortOtherSense, true, of(Driver::kDeltat83p)},
@@ -147,7 +147,11 @@ constexpr std::array<SwitchKey, 25> kSwitchKeys{{
     {"other_axes", firmware::kPortOtherAxes, false, of(Driver::kXsens, Driver::kWldvl)},
     {"check_status", firmware::kPortIgnoreStatus, true, of(Driver::kXsens, Driver::kTrax)},
     {"use_device_clock", firmware::kPortDeviceClock, false,
-     of(Driver::kVectornav, Driver::kXsens, Driver::kWldvl, Driver::kMavlink)},
+     of(Driver::kVectornav, Driver::kXsens, Driver::kWldvl, Driver::kMavlink, Driver::kR2sonic,
+        Driver::kKongsberg)},
+    {"zero_at_surface", firmware::kPortZeroAtSurface, false,
+     of(Driver::kNmea, Driver::kKeller, Driver::kXsens, Driver::kNmea2000, Driver::kMavlink)},
+    {"rising", firmware::kPortOtherSense, true, of(Driver::kLine)},
     {"watch_stuck", firmware::kPortWatchStuck, false, kEvery & ~kHeads},
     {"send", firmware::kPortSend, false, of(Driver::kMavlink)},
     {"profile", 0, false, of(Driver::kPing1d, Driver::kCerulean, Driver::kImagenex)},
@@ -160,11 +164,12 @@ struct VariantKey {
   std::array<const char*, 6> names;  ///< in the order of the codec's own enumerators; then nulls
 };
 
-constexpr std::array<VariantKey, 4> kVariantKeys{{
+constexpr std::array<VariantKey, 5> kVariantKeys{{
     {Driver::kCerulean, "model", {"listen", "surveyor", "omniscan3d", "omniscan450", "s500"}},
     {Driver::kImagenex, "model", {"auto", "852_sounder", "852_scanner", "881a", "831l"}},
     {Driver::kTritech, "model", {"listen", "imaging", "profiler"}},
     {Driver::kKeller, "bus", {"modbus", "keller"}},
+    {Driver::kLine, "role", {"pps", "ping_sync", "leak"}},
 }};
 
 constexpr std::array<const char*, 3> kScaleNames = {"energy", "amplitude", "decibel"};
@@ -202,7 +207,9 @@ std::vector<std::pair<const char*, DriverSet>> keys_with_drivers() {
 void read_port_mount(const TomlSection& section, const std::vector<std::string>& names,
                      PortConfig* port) {
   if (!section.has("mount")) {
-    if (!firmware::is_head(port->driver)) {
+    const bool line = port->driver == Driver::kLine;
+    const bool syncs = line && firmware::line_config(*port, {}).role == hal::LineRole::kPingSync;
+    if (!firmware::is_head(port->driver) && !syncs) {
       port->mount = firmware::kNoMount;
     } else if (names.size() > 1) {
       section.find_missing("mount is missing: which of them carries this head");

@@ -74,7 +74,7 @@ struct VehicleFile {
 [[nodiscard]] std::vector<model::LocalizationTable> load_tables(VehicleFile* file);
 
 /// Pings of the worst kind that the default of [cycle] voxel_budget has room for. Most pings write a small part
-/// of the worst one's voxels; of the worst, a full queue of 256 takes 32 cycles.
+/// of the worst one's voxels; of the worst, 256 take 32 cycles.
 inline constexpr std::uint32_t kDefaultBudget_pings = 8;
 /// Sets the default of [cycle] voxel_budget unless the file has one; `tables` by table number.
 void set_default_budget(const std::vector<model::LocalizationTable>& tables, VehicleFile* file);

@@ -93,6 +93,13 @@ void configure_vehicle(const VehicleFile& file, const std::vector<model::Localiz
   if (status == base::Status::kOverBudget) {
     refuse_work_bound(vehicle.model().bound(), file.ping_voxel_budget, config_name);
   }
+  if (status == base::Status::kFull) {
+    throw HostError(
+        ExitCode::kUsage,
+        config_name + ": the drivers of its ports need more than the " +
+            std::to_string(firmware::kCodecArena_bytes) +
+            " bytes that this program has for them (built with -DLEADLINE_CODEC_BYTES)");
+  }
   if (status != base::Status::kOk) {
     throw HostError(ExitCode::kUsage, config_name + ": the vehicle refuses this configuration: " +
                                           base::status_text(status));

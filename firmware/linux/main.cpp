@@ -1,7 +1,5 @@
 // `leadline-vehicle`: command line, signals, and the order of things; the work is in vehicle_loop.hpp.
-#include <array>
 #include <csignal>
-#include <cstdio>
 #include <iostream>
 #include <memory>
 #include <string>
@@ -18,6 +16,7 @@
 #include "firmware/linux/page_file.hpp"
 #include "firmware/linux/real_time.hpp"
 #include "firmware/linux/recorder.hpp"
+#include "firmware/linux/summary.hpp"
 #include "firmware/linux/timing.hpp"
 #include "firmware/linux/vehicle_loop.hpp"
 
@@ -143,64 +142,6 @@ std::string lockstep_path(const std::string& clock) {
   return clock.substr(std::string(kLockstep).size());
 }
 
-std::string hex(std::uint64_t value) {
-  std::array<char, 24> text{};
-  std::snprintf(text.data(), text.size(), "0x%016llx", static_cast<unsigned long long>(value));
-  return text.data();
-}
-
-/// Everything that a script wants to know of a run, as `name: value` lines or one JSON object.
-void print_summary(const LoopSummary& summary, const RealTimeReport& real_time,
-                   const leadline::host::LoopTiming* timing, const Recorder* recorder, bool json) {
-  const leadline::firmware::VehicleCounters& counters = the_vehicle.counters();
-  const leadline::host::RecorderReport recorded =
-      recorder != nullptr ? recorder->report() : leadline::host::RecorderReport{};
-  const auto number = [](std::uint64_t value) { return std::to_string(value); };
-  const auto text = [&](const std::string& value) {
-    return json ? leadline::host::json_string(value) : value;
-  };
-  std::vector<std::pair<const char*, std::string>> rows = {
-      {"cycles", number(summary.cycles)},
-      {"cycle_max_us", number(static_cast<std::uint64_t>(summary.cycle_max_us))},
-      {"overruns", number(summary.overruns)},
-      {"memory_locked", real_time.memory_locked ? "true" : "false"},
-      {"scheduling", text(real_time.scheduling())},
-      {"pings_in", number(counters.pings_in)},
-      {"pings_mapped", number(counters.pings_mapped)},
-      {"nav_samples", number(counters.nav_samples)},
-      {"cells_sent", number(counters.cells_sent)},
-      {"downlink_bytes", number(counters.downlink_bytes)},
-      {"delta_bytes", number(counters.delta_bytes)},
-      {"drained", summary.drained ? "true" : "false"},
-      {"stored", summary.stored ? "true" : "false"},
-      {"tiles_saved", number(the_vehicle.pager().counters().tiles_saved)},
-      {"tiles_loaded", number(the_vehicle.pager().counters().tiles_loaded)},
-      {"tiles_evicted", number(the_vehicle.pager().counters().tiles_evicted)},
-      {"pings_without_tile",
-       number(counters.pings_lost[static_cast<int>(leadline::firmware::PingLoss::kAbsentTile)])},
-      {"map_hash", text(hex(the_vehicle.map_hash()))},
-      {"cells_hash", text(hex(the_vehicle.cells_hash()))},
-      {"log", recorder != nullptr ? text(recorder->path()) : (json ? "null" : "none")},
-      {"log_bytes", number(recorded.bytes_written)},
-      {"records_lost", number(recorded.records_lost)},
-  };
-  if (timing != nullptr && json) {
-    rows.emplace_back("timing", leadline::host::timing_json(*timing));
-  }
-  std::string out = json ? "{" : "";
-  for (const auto& [name, value] : rows) {
-    if (json) {
-      out += (out.size() == 1 ? "\"" : ", \"") + std::string(name) + "\": " + value;
-    } else {
-      out += std::string(name) + ": " + value + "\n";
-    }
-  }
-  std::cout << out << (json ? "}\n" : "");
-  if (timing != nullptr && !json) {
-    std::cout << leadline::host::timing_text(*timing);
-  }
-}
-
 int fly(VehicleFile& file, const Options& options) {
   leadline::host::LoopOptions loop_options;
   loop_options.lockstep_path = lockstep_path(options.clock);
@@ -233,8 +174,9 @@ int fly(VehicleFile& file, const Options& options) {
   }
   const LoopSummary summary = loop.run(stop_orders);
   const bool recorded = recorder == nullptr || recorder->finish();
-  print_summary(summary, real_time, options.timing ? &loop.timing() : nullptr, recorder.get(),
-                options.json);
+  const leadline::host::RunReport report = {summary, real_time, recorder.get(),
+                                            options.timing ? &loop.timing() : nullptr};
+  std::cout << leadline::host::summary_text(the_vehicle, report, options.json);
   return static_cast<int>(recorded ? ExitCode::kOk : ExitCode::kOutput);
 }
 

@@ -38,6 +38,7 @@ enum PortSwitch : std::uint16_t {
   kPortUsePressure = 1U << 11U,     ///< the pressure is that of the water
   kPortDeviceClock = 1U << 12U,     ///< samples count at the sensor's own clock, once that is sure
   kPortWatchStuck = 1U << 13U,      ///< of equal samples in a row the 100th and on are not fused
+  kPortZeroAtSurface = 1U << 14U,   ///< the pressure of the first seconds is that of the surface
   kPortSend = 1U << 15U,            ///< tell the autopilot what is below and around
 };
 

@@ -129,8 +129,9 @@ struct Calls {
     return uniform(static_cast<const Codec*>(codec)->counters());
   }
 
-  static constexpr DeviceCodec kTable = {Entry::kDriver, &make,    &make_default, &feed,
-                                         &next,          &request, &restart,      &counters};
+  static constexpr DeviceCodec kTable = {Entry::kDriver, sizeof(Codec), &make,
+                                         &make_default,  &feed,         &next,
+                                         &request,       &restart,      &counters};
 };
 
 template <class Entry>
@@ -153,36 +154,54 @@ const DeviceCodec* find_codec(DriverList<Entries...> /*list*/, Driver driver) {
 
 const DeviceCodec* device_codec(Driver driver) { return find_codec(DriverEntries{}, driver); }
 
-void DevicePort::configure(const PortConfig& config, const DeviceSetup& setup) {
-  codec_ = device_codec(config.driver);
-  object_ = codec_ != nullptr ? codec_->make(storage_.data(), config, setup) : nullptr;
+void* CodecArena::take(std::size_t size_bytes) {
+  const std::size_t size = rounded(size_bytes);
+  if (size > capacity_bytes_ - used_bytes_) {
+    return nullptr;
+  }
+  void* const room = bytes_ + used_bytes_;
+  used_bytes_ += size;
+  return room;
 }
 
-bool DevicePort::configure_decoding(Driver driver) {
+// Adopts the driver's calls and takes room for its object; null, and no driver, where there is neither.
+void* PortCodec::room_for(Driver driver, CodecArena& arena) {
   codec_ = device_codec(driver);
-  object_ = codec_ != nullptr ? codec_->make_default(storage_.data()) : nullptr;
+  void* const room = codec_ != nullptr ? arena.take(codec_->size_bytes) : nullptr;
+  codec_ = room != nullptr ? codec_ : nullptr;
+  return room;
+}
+
+void PortCodec::configure(const PortConfig& config, const DeviceSetup& setup, CodecArena& arena) {
+  void* const room = room_for(config.driver, arena);
+  object_ = codec_ != nullptr ? codec_->make(room, config, setup) : nullptr;
+}
+
+bool PortCodec::configure_decoding(Driver driver, CodecArena& arena) {
+  void* const room = room_for(driver, arena);
+  object_ = codec_ != nullptr ? codec_->make_default(room) : nullptr;
   return codec_ != nullptr;
 }
 
-RecordKind DevicePort::feed(std::uint8_t byte, base::TimeUs t_arrival_us, DeviceRecord& record) {
+RecordKind PortCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, DeviceRecord& record) {
   return codec_ != nullptr ? codec_->feed(object_, byte, t_arrival_us, record) : RecordKind::kNone;
 }
 
-RecordKind DevicePort::next(DeviceRecord& record) {
+RecordKind PortCodec::next(DeviceRecord& record) {
   return codec_ != nullptr ? codec_->next(object_, record) : RecordKind::kNone;
 }
 
-std::size_t DevicePort::request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity) {
+std::size_t PortCodec::request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity) {
   return codec_ != nullptr ? codec_->request(object_, now_us, out, capacity) : 0;
 }
 
-void DevicePort::restart() {
+void PortCodec::restart() {
   if (codec_ != nullptr) {
     codec_->restart(object_);
   }
 }
 
-hal::CodecCounters DevicePort::counters() const {
+hal::CodecCounters PortCodec::counters() const {
   return codec_ != nullptr ? codec_->counters(object_) : hal::CodecCounters{};
 }
 

@@ -26,6 +26,7 @@ struct DeviceRecord {
 /// is the object that `make` or `make_default` constructed.
 struct DeviceCodec {
   Driver driver;
+  std::size_t size_bytes;  ///< of the object
   void* (*make)(void* storage, const PortConfig& port, const DeviceSetup& setup);
   void* (*make_default)(void* storage);
   RecordKind (*feed)(void* codec, std::uint8_t byte, base::TimeUs t_arrival_us,
@@ -39,19 +40,42 @@ struct DeviceCodec {
 /// Null for kNone and for drivers that this build does not carry. O(drivers).
 [[nodiscard]] const DeviceCodec* device_codec(Driver driver);
 
-/// One codec at a time, in storage of its own that the largest fits into. No heap. Does not move. About
-/// kCodecStorage_bytes.
-class DevicePort {
+/// Room that the codecs of several ports share: each takes what its own needs, so that a vehicle without a survey
+/// multibeam does not pay for one at every port. Not thread-safe; no heap.
+class CodecArena {
  public:
-  DevicePort() = default;
-  DevicePort(const DevicePort&) = delete;
-  DevicePort& operator=(const DevicePort&) = delete;
+  /// `bytes`: aligned to kCodecStorage_alignment; not owned, outlives the codecs.
+  CodecArena(std::uint8_t* bytes, std::size_t capacity_bytes)
+      : bytes_(bytes), capacity_bytes_(capacity_bytes) {}
 
-  /// Adopts the port's driver and starts it anew. A driver that this build lacks leaves the port as kNone
-  /// does: deaf and dumb. O(codec).
-  void configure(const PortConfig& config, const DeviceSetup& setup);
+  /// All codecs in it are gone.
+  void clear() { used_bytes_ = 0; }
+  /// Null: no room. Aligned to kCodecStorage_alignment. O(1).
+  [[nodiscard]] void* take(std::size_t size_bytes);
+  /// What take() uses up for an object of `size_bytes`.
+  [[nodiscard]] static constexpr std::size_t rounded(std::size_t size_bytes) {
+    return (size_bytes + kCodecStorage_alignment - 1) / kCodecStorage_alignment *
+           kCodecStorage_alignment;
+  }
+
+ private:
+  std::uint8_t* bytes_;
+  std::size_t capacity_bytes_;
+  std::size_t used_bytes_ = 0;
+};
+
+/// A codec in an arena. No heap. Does not move.
+class PortCodec {
+ public:
+  PortCodec() = default;
+  PortCodec(const PortCodec&) = delete;
+  PortCodec& operator=(const PortCodec&) = delete;
+
+  /// Adopts the port's driver and starts it anew. A driver that this build lacks, or that the arena has no room
+  /// for, leaves the port as kNone does: deaf and dumb. O(codec).
+  void configure(const PortConfig& config, const DeviceSetup& setup, CodecArena& arena);
   /// For bytes from a file: the driver with its codec's default configuration. False: as above.
-  [[nodiscard]] bool configure_decoding(Driver driver);
+  [[nodiscard]] bool configure_decoding(Driver driver, CodecArena& arena);
 
   [[nodiscard]] Driver driver() const { return codec_ == nullptr ? Driver::kNone : codec_->driver; }
   /// As the codecs' own (hal/README.md). `t_arrival_us`: latency already taken off.
@@ -66,9 +90,29 @@ class DevicePort {
   [[nodiscard]] std::uint32_t rejected() const { return hal::rejected(counters()); }
 
  private:
-  alignas(kCodecStorage_alignment) std::array<std::uint8_t, kCodecStorage_bytes> storage_{};
+  [[nodiscard]] void* room_for(Driver driver, CodecArena& arena);
+
   const DeviceCodec* codec_ = nullptr;
-  void* object_ = nullptr;  ///< in storage_
+  void* object_ = nullptr;  ///< in the arena
+};
+
+/// One codec at a time, in storage of its own that the largest fits into: for those who do not know beforehand
+/// which. About kCodecStorage_bytes.
+class DevicePort : public PortCodec {
+ public:
+  void configure(const PortConfig& config, const DeviceSetup& setup) {
+    arena_.clear();
+    PortCodec::configure(config, setup, arena_);
+  }
+  [[nodiscard]] bool configure_decoding(Driver driver) {
+    arena_.clear();
+    return PortCodec::configure_decoding(driver, arena_);
+  }
+
+ private:
+  alignas(kCodecStorage_alignment)
+      std::array<std::uint8_t, CodecArena::rounded(kCodecStorage_bytes)> storage_{};
+  CodecArena arena_{storage_.data(), storage_.size()};
 };
 
 }  // namespace leadline::firmware

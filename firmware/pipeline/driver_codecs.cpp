@@ -233,4 +233,11 @@ hal::MavlinkConfig mavlink_config(const PortConfig& port, const DeviceSetup& /*s
   return sensor;
 }
 
+hal::LineConfig line_config(const PortConfig& port, const DeviceSetup& /*setup*/) {
+  hal::LineConfig line;
+  set(line.role, port.variant_plus_1 - 1, port.variant_plus_1 != 0);
+  line.rising = !has(port, kPortOtherSense);
+  return line;
+}
+
 }  // namespace leadline::firmware

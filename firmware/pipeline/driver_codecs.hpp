@@ -16,6 +16,7 @@
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/drivers.hpp"
 #include "hal/attitude/keller.hpp"
+#include "hal/attitude/line.hpp"
 #include "hal/attitude/mavlink.hpp"
 #include "hal/attitude/nmea.hpp"
 #include "hal/attitude/nmea2000.hpp"
@@ -69,6 +70,7 @@ struct DeviceSetup {
 [[nodiscard]] hal::KellerConfig keller_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::Nmea2000Config nmea2000_config(const PortConfig& port, const DeviceSetup& setup);
 [[nodiscard]] hal::MavlinkConfig mavlink_config(const PortConfig& port, const DeviceSetup& setup);
+[[nodiscard]] hal::LineConfig line_config(const PortConfig& port, const DeviceSetup& setup);
 
 template <Driver kDriverNumber, class CodecType, auto kConfigOf>
 struct DriverEntry {
@@ -104,7 +106,8 @@ using DriverEntries =
                DriverEntry<Driver::kPd0, hal::Pd0Codec, &pd0_config>,
                DriverEntry<Driver::kKeller, hal::KellerCodec, &keller_config>,
                DriverEntry<Driver::kNmea2000, hal::Nmea2000Codec, &nmea2000_config>,
-               DriverEntry<Driver::kMavlink, hal::MavlinkCodec, &mavlink_config>>;
+               DriverEntry<Driver::kMavlink, hal::MavlinkCodec, &mavlink_config>,
+               DriverEntry<Driver::kLine, hal::LineCodec, &line_config>>;
 
 namespace detail {
 constexpr std::size_t larger(std::size_t a, std::size_t b) { return a > b ? a : b; }
@@ -132,6 +135,17 @@ constexpr bool any_enabled(DriverList<Entries...> /*list*/, Driver driver) {
 /// Room for the largest codec that is there.
 inline constexpr std::size_t kCodecStorage_bytes = detail::codec_bytes(DriverEntries{});
 inline constexpr std::size_t kCodecStorage_alignment = detail::codec_alignment(DriverEntries{});
+
+// What a vehicle has for the codecs of all its ports together; a target overrides it from its build.
+#ifndef LEADLINE_CODEC_BYTES
+#define LEADLINE_CODEC_BYTES 2097152U  // four of a survey multibeam and four of others
+#endif
+/// Never more than eight of the largest, nor less than one.
+inline constexpr std::size_t kCodecArena_bytes =
+    detail::larger(kCodecStorage_bytes + kCodecStorage_alignment,
+                   kMaxPorts*(kCodecStorage_bytes + kCodecStorage_alignment) < LEADLINE_CODEC_BYTES
+                       ? kMaxPorts * (kCodecStorage_bytes + kCodecStorage_alignment)
+                       : LEADLINE_CODEC_BYTES);
 
 /// Whether this build carries the driver's codec.
 [[nodiscard]] constexpr bool driver_enabled(Driver driver) {

@@ -30,8 +30,9 @@ enum class Driver : std::uint8_t {
   kKeller = 17,
   kNmea2000 = 18,
   kMavlink = 19,
+  kLine = 20,
 };
-inline constexpr std::uint8_t kLastDriver = 19;
+inline constexpr std::uint8_t kLastDriver = 20;
 
 enum class DriverKind : std::uint8_t {
   kHead = 0,    ///< sonar: its records are base::Ping, and it sits on a mount
@@ -74,6 +75,7 @@ inline constexpr std::array<DriverInfo, kLastDriver> kDrivers{{
     {Driver::kKeller, "keller", DriverKind::kSensor},
     {Driver::kNmea2000, "nmea2000", DriverKind::kSensor},
     {Driver::kMavlink, "mavlink", DriverKind::kSensor},
+    {Driver::kLine, "line", DriverKind::kSensor},
 }};
 
 namespace detail {

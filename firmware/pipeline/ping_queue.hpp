@@ -11,11 +11,12 @@
 
 namespace leadline::firmware {
 
-/// A bounded queue with its own storage (about 180 KiB). Not thread-safe; every call is O(1), push()
+/// A bounded queue with its own storage (about 450 KiB as built by default). Not thread-safe; every call is O(1), push()
 /// O(bins).
 class PingQueue {
  public:
-  static constexpr std::size_t kCapacity_count = 256;
+  /// Beams: by default four pings of a head of 1024.
+  static constexpr std::size_t kCapacity_count = LEADLINE_QUEUE_PINGS;
   /// Bins of all waiting profiles together: by default 54 of the longest of a Ping360. What does not find room
   /// sheds the oldest, so that targets agree on a log only where they agree on this or nothing is shed.
   static constexpr std::size_t kBinCapacity_count = LEADLINE_QUEUE_BINS;

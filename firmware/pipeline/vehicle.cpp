@@ -25,6 +25,8 @@ using model::TileId;
 
 // Of sensors that state a speed; NavigationConfig has no key for it.
 constexpr std::int32_t kSigmaVelocity_mm_s = 50;
+// A device that keeps UTC by the same pulse as the vehicle differs from it by what its line delays.
+constexpr TimeUs kSharedPulse_us = 20'000;
 constexpr std::int32_t kLongestLever_mm = 1'000'000;
 constexpr std::int32_t kLargestStep_mdb = 6000;
 // The largest hello without its texts takes 127.
@@ -50,6 +52,10 @@ bool within(std::int64_t value, std::int64_t low, std::int64_t high) {
   return value >= low && value <= high;
 }
 
+constexpr std::int32_t kLineRoles = 3;
+
+hal::LineRole line_role(const PortConfig& port) { return line_config(port, DeviceSetup{}).role; }
+
 bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
   if ((port.driver != Driver::kNone && !driver_enabled(port.driver)) ||
       !within(port.latency_us, -10'000'000, 10'000'000) ||
@@ -59,8 +65,12 @@ bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
       !within(port.quality_weight_percent, 0, 100)) {
     return false;
   }
+  if (port.driver == Driver::kLine && !within(port.variant_plus_1, 0, kLineRoles)) {
+    return false;
+  }
   if (!is_head(port.driver)) {
-    return port.mount < mount_count || port.mount == kNoMount;
+    const bool syncs = port.driver == Driver::kLine && line_role(port) == hal::LineRole::kPingSync;
+    return port.mount < mount_count || (port.mount == kNoMount && !syncs);
   }
   return (port.mount < mount_count && port.min_range_um >= 0 &&
           port.max_range_um > port.min_range_um && port.max_range_um <= base::kMaxRange_um &&
@@ -91,6 +101,18 @@ bool ping_sound(const Ping& ping, std::uint16_t mount_count) {
          within(ping.t_transmit_us, -estimator::kMaxTime_us, estimator::kMaxTime_us) &&
          ping.t_receive_us >= ping.t_transmit_us &&
          ping.t_receive_us - ping.t_transmit_us <= 60'000'000;
+}
+
+void move_to(TimeUs t_transmit_us, Ping& ping) {
+  ping.t_receive_us += t_transmit_us - ping.t_transmit_us;
+  ping.t_transmit_us = t_transmit_us;
+}
+
+// Beams of one transmission come in any order: unlike with ClockSync::stamp, one that goes back counts.
+TimeUs beam_stamp(estimator::ClockSync& clock, TimeUs t_device_us, TimeUs t_us) {
+  static_cast<void>(clock.add(t_device_us, t_us));
+  const estimator::ClockReading reading = clock.at(t_device_us);
+  return reading.sure ? min_of(reading.t_us, t_us) : t_us;
 }
 
 // What a head says of its own attitude is as mounted as its beams are.
@@ -143,14 +165,20 @@ Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) {
   if (table_count != config.table_count) {
     return Status::kInvalidArgument;
   }
+  std::size_t codec_bytes = 0;
   for (int port = 0; port < config.port_count; ++port) {
     const PortConfig& each = config.ports[port];
+    const DeviceCodec* const codec = device_codec(each.driver);
+    codec_bytes += codec != nullptr ? CodecArena::rounded(codec->size_bytes) : 0;
     if (!port_sound(each, config.mount_count)) {
       return Status::kOutOfRange;
     }
     if (is_head(each.driver) && config.mounts[each.mount].table == kNoTable) {
       return Status::kInvalidArgument;
     }
+  }
+  if (codec_bytes > kCodecArena_bytes) {
+    return Status::kFull;
   }
   for (int mount = 0; mount < config.mount_count; ++mount) {
     if (!mount_sound(config.mounts[mount])) {
@@ -251,16 +279,29 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   return Status::kOk;
 }
 
+bool Vehicle::has_role(std::size_t port, hal::LineRole role) const {
+  return config_.ports[port].driver == Driver::kLine && line_role(config_.ports[port]) == role;
+}
+
 void Vehicle::configure_ports() {
   ping_bound_ = model_.bound().total_voxels;
+  codecs_.clear();
+  has_pps_ = false;
+  utc_clock_ = estimator::UtcClock{};
+  for (estimator::PingSync& sync : ping_sync_) {
+    sync.restart();
+  }
   for (int i = 0; i < kMaxPorts; ++i) {
     PortConfig port = config_.ports[i];
     if (i >= config_.port_count) {
       port.driver = Driver::kNone;
     }
-    ports_[i].configure(port, DeviceSetup{config_.sound_speed_mm_s});
+    ports_[i].configure(port, DeviceSetup{config_.sound_speed_mm_s}, codecs_);
     clocks_[i] = estimator::ClockSync{};
     stuck_[i].restart();
+    surface_[i].restart();
+    wet_[i] = false;
+    has_pps_ = has_pps_ || (port.driver == Driver::kLine && line_role(port) == hal::LineRole::kPps);
     if (!is_head(port.driver)) {
       continue;  // and may have no mount
     }
@@ -337,7 +378,7 @@ TimeUs Vehicle::begin_cycle(TimeUs t_us) {
 }
 
 // What the host knows goes first: a port that was opened again has its codec start over before new bytes
-// come from it.
+// come from it. Edges go next: a message names the pulse in front of it.
 void Vehicle::take_chunks(const CycleInput& input) {
   std::size_t room = kMaxCycleBytes;
   for (std::size_t i = 0; i < input.chunk_count; ++i) {
@@ -345,20 +386,26 @@ void Vehicle::take_chunks(const CycleInput& input) {
       take_host_report(input.chunks[i]);
     }
   }
-  for (std::size_t i = 0; i < input.chunk_count; ++i) {
-    const InputChunk& chunk = input.chunks[i];
-    if (chunk.port == kHostPort) {
-      continue;
+  for (const bool lines : {true, false}) {
+    for (std::size_t i = 0; i < input.chunk_count; ++i) {
+      const InputChunk& chunk = input.chunks[i];
+      if (chunk.port == kHostPort || is_line(chunk.port) != lines) {
+        continue;
+      }
+      const std::size_t size = min_of<std::size_t>(chunk.size_bytes, room);
+      counters_.bytes_over_limit += chunk.size_bytes - size;
+      room -= size;
+      if (chunk.port == kStorePort && chunk.data != nullptr && model_.grid().windowed()) {
+        pager_.take(chunk.data, size, model_.grid());
+        continue;
+      }
+      take_chunk(chunk, size);
     }
-    const std::size_t size = min_of<std::size_t>(chunk.size_bytes, room);
-    counters_.bytes_over_limit += chunk.size_bytes - size;
-    room -= size;
-    if (chunk.port == kStorePort && chunk.data != nullptr && model_.grid().windowed()) {
-      pager_.take(chunk.data, size, model_.grid());
-      continue;
-    }
-    take_chunk(chunk, size);
   }
+}
+
+bool Vehicle::is_line(std::uint8_t port) const {
+  return port < config_.port_count && config_.ports[port].driver == Driver::kLine;
 }
 
 void Vehicle::take_host_report(const InputChunk& chunk) {
@@ -372,7 +419,18 @@ void Vehicle::take_host_report(const InputChunk& chunk) {
       ports_[port].restart();
       clocks_[port].restart();
       stuck_[port].restart();
+      restart_line(port);
     }
+  }
+}
+
+// What was missed while the port was closed. A leak stays one until the line says otherwise.
+void Vehicle::restart_line(int port) {
+  const auto index = static_cast<std::size_t>(port);
+  if (has_role(index, hal::LineRole::kPps)) {
+    utc_clock_.restart_pulse();
+  } else if (has_role(index, hal::LineRole::kPingSync)) {
+    ping_sync_[config_.ports[port].mount].restart();
   }
 }
 
@@ -393,7 +451,7 @@ void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
 
 void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std::size_t size_bytes,
                                 TimeUs t_us) {
-  DevicePort& device = ports_[port];
+  PortCodec& device = ports_[port];
   PortTally& tally = counters_.ports[port];
   tally.bytes += size_bytes;
   DeviceRecord record{};
@@ -406,7 +464,7 @@ void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std
       ++tally.records;
       watch_.last_record_us[port] = now_us_;
       if (kind == RecordKind::kPing) {
-        take_ping(record.ping);
+        take_ping(port, record.ping);
       } else {
         take_sample(port, record.sample);
       }
@@ -415,26 +473,76 @@ void Vehicle::take_device_bytes(std::uint8_t port, const std::uint8_t* data, std
   tally.rejected = device.rejected();
 }
 
+void Vehicle::take_line(std::uint8_t port, const base::NavSample& sample) {
+  ++counters_.line_records;
+  if ((sample.fields & base::kNavLeak) != 0) {
+    wet_[port] = sample.leak != 0;
+  } else if (has_role(port, hal::LineRole::kPps)) {
+    (void)utc_clock_.add_pulse(sample.t_us);
+  } else if (has_role(port, hal::LineRole::kPingSync)) {
+    ping_sync_[config_.ports[port].mount].add(sample.t_us);
+  }
+}
+
+// A message says which second a pulse was by when it came: the port's latency is of what it measured.
+void Vehicle::take_utc(std::uint8_t port, const base::NavSample& sample) {
+  if (has_pps_ && (sample.fields & base::kNavUtc) != 0) {
+    (void)utc_clock_.add_utc(sample.utc_us, sample.t_us + config_.ports[port].latency_us);
+  }
+}
+
+bool Vehicle::has_device_clock(std::uint8_t port, TimeUs t_device_us) const {
+  return (config_.ports[port].switches & kPortDeviceClock) != 0 && t_device_us != 0;
+}
+
+// A device that keeps UTC by the pulse that the vehicle knows as well: its stamp without what its line delays
+// at least.
+TimeUs Vehicle::by_utc(std::uint8_t port, TimeUs t_device_us, TimeUs own_us) const {
+  const estimator::ClockReading utc = utc_clock_.at(t_device_us);
+  const TimeUs over_us = own_us - utc.t_us;
+  const bool shared =
+      utc.sure && clocks_[port].sure() && within(over_us, -2 * utc.error_us, kSharedPulse_us);
+  return shared ? min_of(utc.t_us, own_us) : own_us;
+}
+
 void Vehicle::take_sample(std::uint8_t port, base::NavSample& sample) {
+  if (is_line(port)) {
+    take_line(port, sample);
+    return;
+  }
+  take_utc(port, sample);
   ++counters_.nav_samples;
-  const bool watched = (config_.ports[port].switches & kPortWatchStuck) != 0;
-  if (watched && stuck_[port].stuck(sample)) {
+  const std::uint16_t switches = config_.ports[port].switches;
+  if ((switches & kPortWatchStuck) != 0 && stuck_[port].stuck(sample)) {
     ++counters_.nav_stuck;
     return;
   }
-  const bool has_clock = (config_.ports[port].switches & kPortDeviceClock) != 0;
-  if (has_clock && sample.t_device_us != 0) {
-    sample.t_us = clocks_[port].stamp(sample.t_device_us, sample.t_us);
+  if (has_device_clock(port, sample.t_device_us)) {
+    const TimeUs own_us = clocks_[port].stamp(sample.t_device_us, sample.t_us);
+    sample.t_us = by_utc(port, sample.t_device_us, own_us);
+  }
+  if ((switches & kPortZeroAtSurface) != 0 && (sample.fields & base::kNavPressure) != 0 &&
+      !surface_[port].refer(sample.t_us, config_.navigation.surface_pressure_pa,
+                            sample.pressure_pa)) {
+    ++counters_.nav_zeroing;
+    sample.fields &= ~std::uint32_t{base::kNavPressure};
+    if (sample.fields == 0) {
+      return;
+    }
   }
   navigator_.set_water_level(water_level_um(config_.water, sample.t_us));
   navigator_.take(sample, sensor_mount(config_, port));
 }
 
-void Vehicle::take_ping(const Ping& ping) {
+void Vehicle::take_ping(std::uint8_t port, Ping& ping) {
   ++counters_.pings_in;
   if (!ping_sound(ping, config_.mount_count)) {
     lose(PingLoss::kBad);
     return;
+  }
+  if (has_device_clock(port, ping.t_device_us)) {
+    const TimeUs own_us = beam_stamp(clocks_[port], ping.t_device_us, ping.t_transmit_us);
+    move_to(by_utc(port, ping.t_device_us, own_us), ping);
   }
   Status status = pending_.push(ping);
   // The oldest give way: a map of where the vehicle is beats one of where it was.
@@ -470,10 +578,21 @@ void Vehicle::make_ready() {
   ready_ = pending_.front();
   behind_count_ = 0;
   clear_um_ = base::kMaxRange_um;
+  sync_ready();
   if (ready_.kind == ReturnKind::kProfile) {
     find_echo();
   }
   autopilot_.take(ready_);
+}
+
+// The head's own word for when it transmitted, where a line brings that.
+void Vehicle::sync_ready() {
+  TimeUs edge_us = 0;
+  if (!ping_sync_[ready_.mount].edge_of(ready_.t_transmit_us, edge_us)) {
+    return;
+  }
+  move_to(edge_us, ready_);
+  ++counters_.pings_synced;
 }
 
 // The profile of the ready ping becomes its first return, or none; what is behind it is kept.

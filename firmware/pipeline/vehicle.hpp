@@ -12,6 +12,7 @@
 #include "estimator/clock_sync.hpp"
 #include "estimator/navigator.hpp"
 #include "estimator/stuck_watch.hpp"
+#include "estimator/utc_clock.hpp"
 #include "firmware/pipeline/autopilot_feed.hpp"
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
@@ -21,6 +22,7 @@
 #include "firmware/pipeline/link_map.hpp"
 #include "firmware/pipeline/ping_queue.hpp"
 #include "firmware/pipeline/sound_path.hpp"
+#include "firmware/pipeline/surface_reference.hpp"
 #include "firmware/pipeline/tile_pager.hpp"
 #include "firmware/pipeline/tile_set.hpp"
 #include "model/base/pose.hpp"
@@ -118,7 +120,11 @@ struct VehicleCounters {
   std::uint64_t cycles_held;          ///< in which a ping waited for voxels
   std::uint64_t profiles_detected;    ///< profiles with an echo
   std::uint64_t profiles_undetected;  ///< without: mapped as no return
+  std::uint64_t pings_synced;         ///< transmitted at a line's edge (role "ping_sync")
+  std::uint64_t line_records;         ///< edges and levels of single lines
   std::uint64_t nav_samples;
+  std::uint64_t
+      nav_zeroing;          ///< of these, pressures of the surface (kPortZeroAtSurface): not fused
   std::uint64_t nav_stuck;  ///< of these, not fused: as a hundred before them (kPortWatchStuck)
   std::uint64_t autopilot_frames;  ///< of autopilot_feed.hpp, in device_requests
   std::uint64_t tiles_extracted;
@@ -161,6 +167,7 @@ class Vehicle {
   /// * kBadVersion: schema of the configuration or of a table
   /// * kOutOfRange: a count, driver, mount index, rate or limit outside its range
   /// * kInvalidArgument: table_count is not config.table_count, or a mount asks for a table beyond it
+  /// * kFull: the ports' codecs need more than kCodecArena_bytes
   /// * whatever Model::configure says otherwise
   /// The vehicle does nothing until this has returned kOk.
   [[nodiscard]] base::Status configure(const VehicleConfig& config, const TableBlock* tables,
@@ -179,6 +186,10 @@ class Vehicle {
   [[nodiscard]] const VehicleCounters& counters() const { return counters_; }
   /// The clock of a port's device, 0 <= port < kMaxPorts; knows nothing without kPortDeviceClock.
   [[nodiscard]] const estimator::ClockSync& clock(int port) const { return clocks_[port]; }
+  /// UTC, where a port of role "pps" and messages with a date are there.
+  [[nodiscard]] const estimator::UtcClock& utc_clock() const { return utc_clock_; }
+  /// Of a port with kPortZeroAtSurface, 0 <= port < kMaxPorts.
+  [[nodiscard]] const SurfaceReference& surface(int port) const { return surface_[port]; }
   [[nodiscard]] const model::Model& model() const { return model_; }
   /// No cycle writes more voxels: the budget, or one ping's bound where that is larger; without a budget the
   /// bound of as many pings as the queue holds. Saturates. O(1).
@@ -252,11 +263,19 @@ class Vehicle {
   [[nodiscard]] estimator::NavigatorConfig navigator_config() const;
   [[nodiscard]] base::TimeUs begin_cycle(base::TimeUs t_us);
   void take_chunks(const CycleInput& input);
+  [[nodiscard]] bool is_line(std::uint8_t port) const;
   void take_host_report(const InputChunk& chunk);
+  void restart_line(int port);
   void take_chunk(const InputChunk& chunk, std::size_t size_bytes);
   void take_device_bytes(std::uint8_t port, const std::uint8_t* data, std::size_t size_bytes,
                          base::TimeUs t_us);
-  void take_ping(const base::Ping& ping);
+  void take_ping(std::uint8_t port, base::Ping& ping);
+  void take_line(std::uint8_t port, const base::NavSample& sample);
+  void take_utc(std::uint8_t port, const base::NavSample& sample);
+  [[nodiscard]] bool has_role(std::size_t port, hal::LineRole role) const;
+  [[nodiscard]] bool has_device_clock(std::uint8_t port, base::TimeUs t_device_us) const;
+  [[nodiscard]] base::TimeUs by_utc(std::uint8_t port, base::TimeUs t_device_us,
+                                    base::TimeUs own_us) const;
   void take_sample(std::uint8_t port, base::NavSample& sample);
   void take_uplink(const std::uint8_t* data, std::size_t size_bytes);
   [[nodiscard]] std::uint32_t uplink_errors();
@@ -272,6 +291,7 @@ class Vehicle {
   void find_echo();
   /// False: voxels that it needs are not in memory.
   [[nodiscard]] bool map_ready(const base::Pose& head, std::uint32_t& written);
+  void sync_ready();
   [[nodiscard]] bool pose_for(const base::Ping& ping, base::Pose& pose, PingLoss& loss,
                               bool& wait) const;
   [[nodiscard]] bool straightened(const base::Pose& head, PingLoss& loss);
@@ -316,7 +336,9 @@ class Vehicle {
   std::uint32_t config_crc_ = 0;
   std::uint16_t survey_tag_ = 0;
   model::EchoDetectorConfig detector_[kMaxPorts] = {};
-  DevicePort ports_[kMaxPorts];
+  alignas(kCodecStorage_alignment) std::array<std::uint8_t, kCodecArena_bytes> codec_bytes_{};
+  CodecArena codecs_{codec_bytes_.data(), codec_bytes_.size()};
+  PortCodec ports_[kMaxPorts];
   estimator::Navigator navigator_;
   SoundPath sound_path_;
   AutopilotFeed autopilot_;
@@ -336,11 +358,16 @@ class Vehicle {
   bool has_track_ = false;
   std::int32_t track_[2] = {};                                    ///< north, east in cells
   std::int32_t speed_q8_[2] = {};                                 ///< cells a second
+  bool has_pps_ = false;                                          ///< a port of role "pps" is there
   std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
   std::size_t mapped_count_ = 0;
   estimator::ClockSync clocks_[kMaxPorts];  ///< of ports with kPortDeviceClock
   estimator::StuckWatch stuck_[kMaxPorts];  ///< of ports with kPortWatchStuck
+  SurfaceReference surface_[kMaxPorts];     ///< of ports with kPortZeroAtSurface
+  estimator::UtcClock utc_clock_;
+  estimator::PingSync ping_sync_[kMaxMounts];
+  bool wet_[kMaxPorts] = {};  ///< leak switches
   TileSet stale_;
   TileSet unsent_;
   LinkMap link_map_;

@@ -53,10 +53,12 @@ constexpr AlarmText kBegins[] = {
     {proto::kAlarmOutsideGrid, proto::Severity::kInfo, "Outside the grid"},
     {proto::kAlarmPoseEpoch, proto::Severity::kWarning, "Navigation jumped: new epoch"},
     {proto::kAlarmRestarted, proto::Severity::kError, "Started over after a failure"},
+    {proto::kAlarmLeak, proto::Severity::kError, "LEAK: water in the hull"},
 };
 constexpr AlarmText kEnds[] = {
     {proto::kAlarmMappingPaused, proto::Severity::kInfo, "Mapping goes on"},
     {proto::kAlarmNoPose, proto::Severity::kInfo, "Poses are back"},
+    {proto::kAlarmLeak, proto::Severity::kWarning, "Leak switch dry again"},
 };
 // Bits of "ended" beside those of "began" in one mask: no alarm has a number of 16 and more.
 constexpr std::uint32_t kEndShift = 16;
@@ -524,11 +526,16 @@ std::uint32_t Vehicle::alarms_now() const {
       static_cast<TimeUs>(config_.navigation.max_gap_us) + config_.navigation.max_wait_us;
   raise(pose.validity != base::kPoseAll || now_us_ - pose.t_us > allowed_us, proto::kAlarmNoPose);
   bool silent = false;
+  bool leak = false;
   for (int port = 0; port < config_.port_count; ++port) {
-    silent = silent || (config_.ports[port].driver != Driver::kNone &&
-                        now_us_ - watch_.last_record_us[port] > kSilence_us);
+    // A leak switch that says nothing is a good one.
+    const bool talks = config_.ports[port].driver != Driver::kNone &&
+                       !has_role(static_cast<std::size_t>(port), hal::LineRole::kLeak);
+    silent = silent || (talks && now_us_ - watch_.last_record_us[port] > kSilence_us);
+    leak = leak || wet_[port];
   }
   raise(silent, proto::kAlarmPortSilent);
+  raise(leak, proto::kAlarmLeak);
   raise(counters_.pings_lost[static_cast<int>(PingLoss::kShed)] != watch_.shed_at_status,
         proto::kAlarmShed);
   raise(pending_.size() == PingQueue::kCapacity_count, proto::kAlarmQueueFull);

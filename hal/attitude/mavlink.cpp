@@ -179,6 +179,44 @@ void take_vision(const Payload& payload, base::NavSample& sample) {
   sample.sigma_vertical_mm = sigma_mm(&payload[kDown]);
 }
 
+/// Frames of ODOMETRY that say which way is which.
+constexpr std::uint8_t kLocalNed = 1;
+constexpr std::uint8_t kBodyFrd = 12;
+
+void take_odometry(const Payload& payload, base::NavSample& sample) {
+  constexpr std::int64_t kUmPerMetre = 1'000'000;
+  // Upper triangles of 6 x 6 matrices, by rows: x at 0, y at 6, z at 11.
+  constexpr std::size_t kPose = 60;
+  constexpr std::size_t kVelocity = 144;
+  constexpr std::size_t kSecond = std::size_t{4} * 6;
+  constexpr std::size_t kThird = std::size_t{4} * 11;
+  const std::uint64_t time_us = read_u64_le(payload.data());
+  sample.t_device_us = time_us < (std::uint64_t{1} << 62U) ? static_cast<std::int64_t>(time_us) : 0;
+  const std::uint8_t frame = payload[228];
+  const std::uint8_t child = payload[229];
+  const auto quality = static_cast<std::int8_t>(payload[232]);  // -1 failed, 0 not stated, 1 .. 100
+  if (quality < 0) {
+    return;
+  }
+  if (quality > 0 && quality <= 100) {
+    sample.quality = static_cast<std::uint8_t>(quality * 255 / 100);
+  }
+  if (frame == kLocalNed && take_local(&payload[8], sample)) {
+    sample.sigma_position_mm =
+        base::max_of(sigma_mm(&payload[kPose]), sigma_mm(&payload[kPose + kSecond]));
+    sample.sigma_vertical_mm = sigma_mm(&payload[kPose + kThird]);
+  }
+  if ((child == kBodyFrd || child == kLocalNed) &&
+      read_three(&payload[36], kUmPerMetre, kMaxSpeed_um_s, sample.velocity_um_s)) {
+    sample.fields |= child == kBodyFrd ? base::kNavVelocityBody : base::kNavVelocityWorld;
+    std::uint32_t sigma_mm_s = 0;
+    for (const std::size_t at : {kVelocity, kVelocity + kSecond, kVelocity + kThird}) {
+      sigma_mm_s = base::max_of(sigma_mm_s, sigma_mm(&payload[at]));
+    }
+    sample.sigma_velocity_um_s = base::min_of<std::uint32_t>(sigma_mm_s, 1'000'000) * 1000;
+  }
+}
+
 void set_altitude(std::int64_t altitude_um, base::NavSample& sample) {
   if (altitude_um > 0 && altitude_um <= base::kMaxRange_um) {
     sample.altitude_um = altitude_um;
@@ -238,6 +276,7 @@ constexpr Message kMessages[]{
     {kMavScaledPressure2, base::NavKind::kPressure, kTakePressure2},
     {kMavScaledPressure3, base::NavKind::kPressure, kTakePressure3},
     {kMavRangefinder, base::NavKind::kAltitude, kTakeDistance},
+    {kMavOdometry, base::NavKind::kVelocity, kTakeOdometry},
 };
 
 const Message* find_message(std::uint32_t id) {
@@ -266,6 +305,8 @@ void take_values(std::uint32_t id, const Payload& payload, const MavlinkConfig& 
       return take_vision(payload, sample);
     case kMavDistanceSensor:
       return take_distance(payload, sample);
+    case kMavOdometry:
+      return take_odometry(payload, sample);
     case kMavRangefinder:
       return take_rangefinder(payload, sample);
     default:
@@ -284,13 +325,8 @@ bool MavlinkCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::NavS
 }
 
 bool MavlinkCodec::next(base::NavSample& sample) {
-  FrameBytes frame{};
-  while (framer_.next(judge_mavlink, counters_, frame)) {
-    if (take(frame, sample)) {
-      return true;
-    }
-  }
-  return false;
+  return framer_.take_next(judge_mavlink, counters_,
+                           [&](const FrameBytes& frame) { return take(frame, sample); });
 }
 
 bool MavlinkCodec::take(const FrameBytes& frame, base::NavSample& sample) {

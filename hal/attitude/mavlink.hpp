@@ -12,6 +12,9 @@
 // | LOCAL_POSITION_NED | position | position and velocity NED from an origin of the autopilot's |
 // | VISION_POSITION_ESTIMATE | position | position NED from an origin of the camera's, sigmas from the
 // |         covariance; its yaw is about that frame's axis, of which nobody knows the north, and is left |
+// | ODOMETRY | velocity | velocity of the body (child frame BODY_FRD) or of the world (LOCAL_NED) with its
+// |         sigma; position NED from an origin of the sender's where the frame is LOCAL_NED. Its attitude and
+// |         rates are those of ATTITUDE, or about a frame without a north, and are left |
 // | DISTANCE_SENSOR (downwards), RANGEFINDER | altitude | distance within the sensor's own limits |
 //
 // What is NaN or out of range is left out of the record; a message without anything left is a record
@@ -45,7 +48,8 @@ enum MavlinkTake : std::uint32_t {
   kTakeVision = 1U << 7U,
   kTakeDistance = 1U << 8U,
   kTakeTime = 1U << 9U,
-  kTakeEverything = (1U << 10U) - 1U,
+  kTakeOdometry = 1U << 10U,
+  kTakeEverything = (1U << 11U) - 1U,
   /// What a vehicle may navigate by.
   kTakeArduSub = kTakeEverything & ~(kTakePressure | kTakePressure3),
 };

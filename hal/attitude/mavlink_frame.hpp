@@ -42,6 +42,7 @@ inline constexpr std::uint32_t kMavScaledPressure2 = 137;
 inline constexpr std::uint32_t kMavScaledPressure3 = 143;
 inline constexpr std::uint32_t kMavRangefinder = 173;
 inline constexpr std::uint32_t kMavObstacleDistance = 330;
+inline constexpr std::uint32_t kMavOdometry = 331;
 
 /// The byte that the CRC of message `id` ends with. False: not in the table. O(table).
 [[nodiscard]] bool mavlink_crc_extra(std::uint32_t id, std::uint8_t& extra);

@@ -103,18 +103,17 @@ bool parse_optional_heading(const Field& field, base::NavField kind, base::NavSa
   return true;
 }
 
-/// hhmmss, hhmmss.sss or hhmmsssss (one maker leaves the point out). Informative: what is no time of
-/// day is left out and spoils nothing.
-void take_time(const Field& field, base::NavSample& sample) {
+/// hhmmss, hhmmss.sss or hhmmsssss (one maker leaves the point out), microseconds of the day.
+bool parse_time(const Field& field, std::int64_t& time_us) {
   const bool dotless = field.size == 9 && field.text[6] != '.';
   for (std::size_t i = 0; i < field.size; ++i) {
     const bool digit_place = i != 6 || dotless;
     if (digit_place ? !is_digit(field.text[i]) : field.text[i] != '.') {
-      return;
+      return false;
     }
   }
   if (field.size < 6) {
-    return;
+    return false;
   }
   const auto two = [&field](std::size_t at) {
     return (field.text[at] - '0') * 10 + (field.text[at + 1] - '0');
@@ -123,17 +122,56 @@ void take_time(const Field& field, base::NavSample& sample) {
   const int minute = two(2);
   const int second = two(4);
   if (hour > 23 || minute > 59 || second > 60) {
-    return;
+    return false;
   }
-  std::int64_t time_us = (hour * 3600LL + minute * 60LL + second) * 1'000'000;
+  time_us = (hour * 3600LL + minute * 60LL + second) * 1'000'000;
   std::int64_t weight_us = 100'000;
   for (std::size_t i = dotless ? 6 : 7; i < field.size; ++i) {
     time_us += (field.text[i] - '0') * weight_us;
     weight_us /= 10;
   }
-  sample.utc_us = time_us;
-  sample.fields |= base::kNavUtc;
+  return true;
 }
+
+/// Informative: what is no time of day is left out and spoils nothing.
+void take_time(const Field& field, base::NavSample& sample) {
+  if (parse_time(field, sample.utc_us)) {
+    sample.fields |= base::kNavUtc;
+  } else {
+    sample.utc_us = 0;
+  }
+}
+
+bool parse_digits(const Field& field, std::size_t at, std::size_t count, std::int64_t& value) {
+  value = 0;
+  for (std::size_t i = at; i < at + count; ++i) {
+    if (i >= field.size || !is_digit(field.text[i])) {
+      return false;
+    }
+    value = value * 10 + (field.text[i] - '0');
+  }
+  return true;
+}
+
+/// Days from 1970 to a date of the Gregorian calendar; false: there is no such day.
+bool days_of(std::int64_t year, std::int64_t month, std::int64_t day, std::int64_t& days) {
+  constexpr std::array<std::int64_t, 12> kBefore{0,   31,  59,  90,  120, 151,
+                                                 181, 212, 243, 273, 304, 334};
+  constexpr std::array<std::int64_t, 12> kLength{31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31};
+  if (year < 1980 || year > 2099 || month < 1 || month > 12) {
+    return false;
+  }
+  const bool leap = year % 4 == 0;  // 2000 was one as well
+  const auto index = static_cast<std::size_t>(month - 1);
+  if (day < 1 || day > kLength[index] + (leap && month == 2 ? 1 : 0)) {
+    return false;
+  }
+  days = (year - 1970) * 365 + (year - 1969) / 4 + kBefore[index] + (leap && month > 2 ? 1 : 0) +
+         day - 1;
+  return true;
+}
+
+constexpr std::int64_t kDay_us = 86'400'000'000;
 
 bool take_sigma(const Field& field, std::uint32_t& sigma_urad) {
   if (field.empty()) {
@@ -345,6 +383,13 @@ Outcome take_vhw(const Sentence& sentence, base::NavSample& sample) {
   return Outcome::kRecord;
 }
 
+void set_course(std::int64_t course_e9deg, std::int64_t speed_um_s, base::NavSample& sample) {
+  const base::Bam32 course_bam32 = bam_of_e9deg(course_e9deg);
+  sample.velocity_um_s[base::kNorth] = base::mul_shift(speed_um_s, base::cos_q30(course_bam32), 30);
+  sample.velocity_um_s[base::kEast] = base::mul_shift(speed_um_s, base::sin_q30(course_bam32), 30);
+  sample.fields |= base::kNavVelocityWorld;
+}
+
 Outcome take_vtg(const Sentence& sentence, base::NavSample& sample) {
   const bool no_speed = sentence.at(5).empty() && sentence.at(7).empty();
   if (sentence.at(1).empty() || no_speed || is(sentence.at(9), "N")) {
@@ -356,10 +401,104 @@ Outcome take_vtg(const Sentence& sentence, base::NavSample& sample) {
       !take_speed(sentence, 5, speed_um_s)) {
     return Outcome::kBadField;
   }
-  const base::Bam32 course_bam32 = bam_of_e9deg(course_e9deg);
-  sample.velocity_um_s[base::kNorth] = base::mul_shift(speed_um_s, base::cos_q30(course_bam32), 30);
-  sample.velocity_um_s[base::kEast] = base::mul_shift(speed_um_s, base::sin_q30(course_bam32), 30);
-  sample.fields = base::kNavVelocityWorld;
+  set_course(course_e9deg, speed_um_s, sample);
+  return Outcome::kRecord;
+}
+
+Outcome take_zda(const Sentence& sentence, base::NavSample& sample) {
+  if (sentence.at(1).empty() || sentence.at(4).empty()) {
+    return Outcome::kNoData;
+  }
+  std::int64_t time_us = 0;
+  std::int64_t day = 0;
+  std::int64_t month = 0;
+  std::int64_t year = 0;
+  std::int64_t days = 0;
+  const bool good = parse_time(sentence.at(1), time_us) &&
+                    parse_digits(sentence.at(2), 0, sentence.at(2).size, day) &&
+                    parse_digits(sentence.at(3), 0, sentence.at(3).size, month) &&
+                    sentence.at(4).size == 4 && parse_digits(sentence.at(4), 0, 4, year);
+  if (!good || sentence.at(2).size > 2 || sentence.at(3).size > 2 ||
+      !days_of(year, month, day, days)) {
+    return Outcome::kBadField;
+  }
+  sample.utc_us = days * kDay_us + time_us;
+  sample.fields = base::kNavUtc;
+  return Outcome::kRecord;
+}
+
+/// Two digits of the year: 80 to 99 are of the last century.
+bool parse_date(const Field& date, std::int64_t& days) {
+  std::int64_t day = 0;
+  std::int64_t month = 0;
+  std::int64_t year = 0;
+  return date.size == 6 && parse_digits(date, 0, 2, day) && parse_digits(date, 2, 2, month) &&
+         parse_digits(date, 4, 2, year) &&
+         days_of(year + (year < 80 ? 2000 : 1900), month, day, days);
+}
+
+Outcome take_rmc(const Sentence& sentence, bool with_place, base::NavSample& sample) {
+  constexpr std::uint8_t kPlainFix = 160;
+  if (!is(sentence.at(2), "A") || is(sentence.at(12), "N")) {
+    return Outcome::kNoData;
+  }
+  std::int64_t time_us = 0;
+  std::int64_t days = 0;
+  if (!parse_time(sentence.at(1), time_us) || !parse_date(sentence.at(9), days)) {
+    return Outcome::kBadField;
+  }
+  sample.utc_us = days * kDay_us + time_us;
+  sample.fields = base::kNavUtc;
+  sample.quality = kPlainFix;
+  if (!sentence.at(7).empty() && !sentence.at(8).empty()) {
+    std::int64_t course_e9deg = 0;
+    std::int64_t speed_um_s = 0;
+    if (!parse_speed(sentence.at(7), kKnot_nm_s, speed_um_s) ||
+        !parse_heading(sentence.at(8), course_e9deg)) {
+      return Outcome::kBadField;
+    }
+    set_course(course_e9deg, speed_um_s, sample);
+  }
+  if (with_place) {
+    if (!parse_coordinate(sentence.at(3), sentence.at(4), "N", "S", 90, sample.latitude_e9deg) ||
+        !parse_coordinate(sentence.at(5), sentence.at(6), "E", "W", 180, sample.longitude_e9deg)) {
+      return Outcome::kBadField;
+    }
+    sample.fields |= base::kNavGeodetic;
+  }
+  return Outcome::kRecord;
+}
+
+Outcome take_rot(const Sentence& sentence, base::NavSample& sample) {
+  constexpr std::int64_t kMost_deg_min = 36'000;  // ten turns a second
+  if (sentence.at(1).empty() || !is(sentence.at(2), "A")) {
+    return Outcome::kNoData;
+  }
+  std::int64_t rate_e9deg_min = 0;
+  if (!parse_within(sentence.at(1), -kMost_deg_min * kE9, kMost_deg_min * kE9, rate_e9deg_min)) {
+    return Outcome::kBadField;
+  }
+  sample.rate_urad_s[2] = urad_of_e9deg(divide_rounded(rate_e9deg_min, 60));
+  sample.fields = base::kNavYawRate;
+  return Outcome::kRecord;
+}
+
+Outcome take_phtro(const Sentence& sentence, base::NavSample& sample) {
+  if (sentence.at(1).empty() && sentence.at(3).empty()) {
+    return Outcome::kNoData;
+  }
+  const bool bow_down = is(sentence.at(2), "P");
+  const bool port_down = is(sentence.at(4), "B");
+  std::int64_t pitch_e9deg = 0;
+  std::int64_t roll_e9deg = 0;
+  if ((!bow_down && !is(sentence.at(2), "M")) || (!port_down && !is(sentence.at(4), "T")) ||
+      !parse_within(sentence.at(1), 0, 90 * kE9, pitch_e9deg) ||
+      !parse_within(sentence.at(3), 0, 180 * kE9, roll_e9deg)) {
+    return Outcome::kBadField;
+  }
+  sample.attitude.pitch_bam32 = bam_of_e9deg(bow_down ? -pitch_e9deg : pitch_e9deg);
+  sample.attitude.roll_bam32 = bam_of_e9deg(port_down ? -roll_e9deg : roll_e9deg);
+  sample.fields = base::kNavRollPitch;
   return Outcome::kRecord;
 }
 
@@ -390,7 +529,11 @@ enum class Kind : std::uint8_t {
   kGll,
   kVtg,
   kVhw,
+  kRmc,
+  kRot,
+  kZda,
   kPashr,
+  kPhtro,
   kPrdid,
   kPrvat
 };
@@ -411,7 +554,11 @@ constexpr SentenceType kTypes[]{
     {"GLL", Kind::kGll, base::NavKind::kPosition},
     {"VTG", Kind::kVtg, base::NavKind::kVelocity},
     {"VHW", Kind::kVhw, base::NavKind::kVelocity},
+    {"RMC", Kind::kRmc, base::NavKind::kPosition},
+    {"ROT", Kind::kRot, base::NavKind::kRates},
+    {"ZDA", Kind::kZda, base::NavKind::kTime},
     {"PASHR", Kind::kPashr, base::NavKind::kAttitude},
+    {"PHTRO", Kind::kPhtro, base::NavKind::kAttitude},
     {"PRDID", Kind::kPrdid, base::NavKind::kAttitude},
     {"PRVAT", Kind::kPrvat, base::NavKind::kAltitude},
 };
@@ -431,7 +578,8 @@ SentenceType type_of(const Field& address) {
   return kOtherType;
 }
 
-Outcome take_sentence(Kind kind, const Sentence& sentence, const NmeaConfig& config,
+/// `saw_gga`: positions come with a quality from there.
+Outcome take_sentence(Kind kind, const Sentence& sentence, const NmeaConfig& config, bool saw_gga,
                       base::NavSample& sample) {
   switch (kind) {
     case Kind::kHdg:
@@ -447,7 +595,15 @@ Outcome take_sentence(Kind kind, const Sentence& sentence, const NmeaConfig& con
     case Kind::kGga:
       return take_gga(sentence, sample);
     case Kind::kGll:
-      return take_gll(sentence, sample);
+      return saw_gga ? Outcome::kIgnored : take_gll(sentence, sample);
+    case Kind::kRmc:
+      return take_rmc(sentence, !saw_gga, sample);
+    case Kind::kRot:
+      return take_rot(sentence, sample);
+    case Kind::kZda:
+      return take_zda(sentence, sample);
+    case Kind::kPhtro:
+      return take_phtro(sentence, sample);
     case Kind::kVtg:
       return take_vtg(sentence, sample);
     case Kind::kVhw:
@@ -538,8 +694,7 @@ bool NmeaCodec::finish(base::NavSample& sample) {
   const std::int64_t sent_ns = (static_cast<std::int64_t>(size_) + 1) * config_.byte_time_ns;
   taken.t_us = t_last_us_ - sent_ns / 1000;
   saw_gga_ = saw_gga_ || type.kind == Kind::kGga;
-  const bool repeated = saw_gga_ && type.kind == Kind::kGll;
-  switch (repeated ? Outcome::kIgnored : take_sentence(type.kind, sentence, config_, taken)) {
+  switch (take_sentence(type.kind, sentence, config_, saw_gga_, taken)) {
     case Outcome::kBadField:
       ++counters_.bad_field;
       return false;

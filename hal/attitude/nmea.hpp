@@ -1,5 +1,5 @@
-// NMEA 0183 sentences of attitude, heading, depth and position sensors: HDG, HDM, HDT, PASHR, PRDID,
-// PRVAT, DBT, DPT, GGA, GLL, VTG, VHW. One record per sentence with whatever the sentence holds; one that
+// NMEA 0183 sentences of attitude, heading, depth, position and time sensors: HDG, HDM, HDT, PASHR, PHTRO,
+// PRDID, PRVAT, DBT, DPT, GGA, GLL, RMC, ROT, VTG, VHW, ZDA. One record per sentence with whatever the sentence holds; one that
 // is intact and knows nothing is a record whose `fields` are 0.
 //
 //   '$' talker and type, fields between commas, '*' and the XOR of all bytes between in hex, CR LF
@@ -14,6 +14,7 @@
 // | HDM, HDT | magnetic, true heading |
 // | PASHR (attitude form: field 3 is T) | true heading, roll (positive starboard down), pitch (positive
 // |       bow up), their sigmas, time of day; heave is not a pose of the vehicle and is left |
+// | PHTRO | pitch (M: bow up, P: bow down), roll (T: port side up, B: port side down) |
 // | PRDID | pitch, roll, heading (the sentence does not say of which north: `prdid_true`) |
 // | PRVAT | altitude; pressure from dBar, or depth from Metres |
 // | DBT, DPT | altitude below the transducer; DPT's offset is left (it belongs to the lever arm) |
@@ -22,6 +23,9 @@
 // |       the geoid and is left |
 // | GLL | latitude, longitude, time of day; passed over once a GGA was heard: it says the same without a
 // |       quality |
+// | RMC | date and time; velocity from speed and course; latitude, longitude unless a GGA was heard |
+// | ROT | yaw rate, clockwise positive; without status A nothing |
+// | ZDA | date and time |
 // | VTG | velocity north and east (course over ground, true) |
 // | VHW | forward speed through the water; its headings are those of HDG and HDT and are left |
 //

@@ -159,7 +159,12 @@ Pd0Ensemble read_ensemble(const Blocks& blocks) {
   Pd0Ensemble ensemble{};
   ensemble.velocity_mm_s.fill(kPd0BadVelocity);
   if (blocks.fixed.bytes != nullptr) {
-    ensemble.frame = geometry_of(blocks.fixed).frame;
+    const Geometry geometry = geometry_of(blocks.fixed);
+    ensemble.frame = geometry.frame;
+    ensemble.looks_up = geometry.up;
+    ensemble.convex = geometry.convex;
+    ensemble.beam_angle_deg = geometry.beam_angle_deg;
+    ensemble.alignment_cdeg = as_i16(read_u16_le(blocks.fixed.bytes + 26));
   }
   if (blocks.variable.bytes != nullptr) {
     const std::uint8_t* leader = blocks.variable.bytes;

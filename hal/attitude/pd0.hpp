@@ -57,6 +57,10 @@ struct Pd0Ensemble {
   std::uint16_t depth_dm;
   std::int16_t temperature_cdegc;
   Pd0Frame frame;
+  bool looks_up;
+  bool convex;
+  std::uint8_t beam_angle_deg;  ///< from the vertical; 0: not known
+  std::int16_t alignment_cdeg;  ///< of beam 3, clockwise from the bow
   bool has_bottom_track;
   std::array<std::int16_t, 4> velocity_mm_s;  ///< of the bottom, in `frame`; kPd0BadVelocity: none
   std::array<std::uint32_t, 4> range_cm;      ///< vertical; 0: none

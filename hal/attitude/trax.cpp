@@ -119,14 +119,10 @@ bool TraxCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::NavSamp
 }
 
 bool TraxCodec::next(base::NavSample& sample) {
-  FrameBytes frame{};
-  while (framer_.next(judge, counters_, frame)) {
-    if (take(frame, sample)) {
-      ++counters_.records;
-      return true;
-    }
-  }
-  return false;
+  const bool made = framer_.take_next(judge, counters_,
+                                      [&](const FrameBytes& frame) { return take(frame, sample); });
+  counters_.records += made ? 1U : 0U;
+  return made;
 }
 
 void TraxCodec::restart() {

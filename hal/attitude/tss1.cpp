@@ -85,14 +85,10 @@ bool Tss1Codec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::NavSamp
 }
 
 bool Tss1Codec::next(base::NavSample& sample) {
-  FrameBytes frame{};
-  while (framer_.next(judge, counters_, frame)) {
-    if (take(frame, sample)) {
-      ++counters_.records;
-      return true;
-    }
-  }
-  return false;
+  const bool made = framer_.take_next(judge, counters_,
+                                      [&](const FrameBytes& frame) { return take(frame, sample); });
+  counters_.records += made ? 1U : 0U;
+  return made;
 }
 
 bool Tss1Codec::take(const FrameBytes& frame, base::NavSample& sample) {

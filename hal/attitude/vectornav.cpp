@@ -328,14 +328,10 @@ bool VectorNavCodec::next(base::NavSample& sample) {
     return bytes[0] == '$' ? judge_text(bytes, available, config_.accept_unchecked)
                            : Judgement{FrameVerdict::kNoStart, 0};
   };
-  FrameBytes frame{};
-  while (framer_.next(judge, counters_, frame)) {
-    if (take(frame, sample)) {
-      ++counters_.records;
-      return true;
-    }
-  }
-  return false;
+  const bool made = framer_.take_next(judge, counters_,
+                                      [&](const FrameBytes& frame) { return take(frame, sample); });
+  counters_.records += made ? 1U : 0U;
+  return made;
 }
 
 void VectorNavCodec::restart() {

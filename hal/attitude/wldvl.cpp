@@ -256,14 +256,10 @@ bool WlDvlCodec::next(base::NavSample& sample) {
   const auto rules = [this](const std::uint8_t* bytes, std::size_t available) {
     return judge(bytes, available);
   };
-  FrameBytes frame{};
-  while (framer_.next(rules, counters_, frame)) {
-    if (take(frame, sample)) {
-      ++counters_.records;
-      return true;
-    }
-  }
-  return false;
+  const bool made = framer_.take_next(rules, counters_,
+                                      [&](const FrameBytes& frame) { return take(frame, sample); });
+  counters_.records += made ? 1U : 0U;
+  return made;
 }
 
 void WlDvlCodec::restart() {

@@ -117,6 +117,24 @@ Bytes mavlink_vision_position(const MavlinkPeer& peer, const Motion& motion, dou
   return mavlink_frame(peer, 102, 158, payload.bytes());
 }
 
+Bytes mavlink_odometry(const MavlinkPeer& peer, const Motion& motion, double sigma_m,
+                       double sigma_m_s, int quality, unsigned frame, unsigned child) {
+  ByteWriter payload(ByteOrder::kLittle);
+  payload.u64(static_cast<std::uint64_t>(std::llround(motion.time_s * 1e6)));
+  three(payload, motion.position_m);
+  payload.f32(1).f32(0).f32(0).f32(0);
+  three(payload, motion.velocity_m_s);
+  three(payload, motion.rate_rad_s);
+  for (const double sigma : {sigma_m, sigma_m_s}) {
+    for (int i = 0; i < 21; ++i) {
+      const bool variance = i == 0 || i == 6 || i == 11;
+      payload.f32(variance ? sigma * sigma : 0);
+    }
+  }
+  payload.u8(frame).u8(child).u8(0).u8(0).u8(static_cast<std::uint8_t>(quality));
+  return mavlink_frame(peer, 331, 91, payload.bytes());
+}
+
 Bytes mavlink_distance(const MavlinkPeer& peer, const Motion& motion) {
   ByteWriter payload = begun(motion);
   payload.u16(20).u16(5000).u16(static_cast<std::uint64_t>(std::llround(motion.altitude_m * 100)));

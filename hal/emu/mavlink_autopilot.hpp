@@ -32,6 +32,10 @@ struct MavlinkPeer {
                                             double latitude_deg, double longitude_deg);
 [[nodiscard]] Bytes mavlink_vision_position(const MavlinkPeer& peer, const Motion& motion,
                                             double sigma_m);
+/// ODOMETRY: position in LOCAL_NED, velocity in BODY_FRD, their sigmas, quality -1 .. 100.
+[[nodiscard]] Bytes mavlink_odometry(const MavlinkPeer& peer, const Motion& motion, double sigma_m,
+                                     double sigma_m_s, int quality = 0, unsigned frame = 1,
+                                     unsigned child = 12);
 /// DISTANCE_SENSOR, of what is below.
 [[nodiscard]] Bytes mavlink_distance(const MavlinkPeer& peer, const Motion& motion);
 [[nodiscard]] Bytes mavlink_rangefinder(const MavlinkPeer& peer, const Motion& motion);

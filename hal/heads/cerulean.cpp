@@ -211,13 +211,8 @@ bool CeruleanCodec::next(base::Ping& ping) {
   if (deliver_point(ping)) {
     return true;
   }
-  FrameBytes frame{};
-  while (framer_.next(judge, counters_, frame)) {
-    if (take(frame, ping)) {
-      return true;
-    }
-  }
-  return false;
+  return framer_.take_next(judge, counters_,
+                           [&](const FrameBytes& frame) { return take(frame, ping); });
 }
 
 void CeruleanCodec::restart() {

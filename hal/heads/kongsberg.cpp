@@ -213,6 +213,7 @@ bool KongsbergCodec::take_beam(base::Ping& ping) {
       continue;
     }
     ping.t_transmit_us = t_transmit_us_ + beam.delay_us;
+    ping.t_device_us = config_.device_clock ? 0 : t_device_us_ + beam.delay_us;
     ping.t_receive_us = ping.t_transmit_us + beam.two_way_ns / kNsPerUs;
     ping.mount = mount_;
     ping.kind = base::ReturnKind::kRange;
@@ -328,6 +329,7 @@ void KongsbergCodec::add_beam(const Beam& beam) {
 
 /// Times of the pings of a datagram whose beams are all there.
 void KongsbergCodec::start_ping(const FrameBytes& frame, base::TimeUs t_device_us) {
+  t_device_us_ = t_device_us;
   if (config_.device_clock) {
     t_transmit_us_ = t_device_us + config_.clock_offset_us;
     return;

@@ -135,6 +135,7 @@ class KongsbergCodec {
   std::size_t beam_count_ = 0;
   std::size_t next_beam_ = 0;
   base::TimeUs t_transmit_us_ = 0;
+  base::TimeUs t_device_us_ = 0;
   std::int32_t sound_speed_mm_s_ = 0;
   std::uint16_t mount_ = 0;
 

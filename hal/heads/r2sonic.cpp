@@ -207,8 +207,9 @@ bool R2SonicCodec::read_header(const FrameBytes& frame) {
   sound_speed_mm_s_ = static_cast<std::int32_t>(speed_mm_s);
   ping_number_ = read_u32_be(bytes + 48);
   beam_count_ = count;
-  t_transmit_us_ = static_cast<std::int64_t>(read_u32_be(bytes + 40)) * kUsPerS +
-                   static_cast<std::int64_t>(nanoseconds) / kNsPerUs + config_.clock_offset_us;
+  t_device_us_ = static_cast<std::int64_t>(read_u32_be(bytes + 40)) * kUsPerS +
+                 static_cast<std::int64_t>(nanoseconds) / kNsPerUs;
+  t_transmit_us_ = t_device_us_ + config_.clock_offset_us;
   return true;
 }
 
@@ -331,6 +332,7 @@ bool R2SonicCodec::take_beam(std::size_t index, base::Ping& ping) {
 
   ping = base::Ping{};
   ping.t_transmit_us = t_transmit_us_;
+  ping.t_device_us = config_.device_clock ? 0 : t_device_us_;
   ping.t_receive_us = t_transmit_us_ + time_ns / kNsPerUs;
   set_fan_beam(ping, static_cast<base::Bam32>(static_cast<std::uint64_t>(angle)));
   ping.mount = config_.mount;

@@ -118,6 +118,7 @@ class R2SonicCodec {
   std::size_t beam_count_ = 0;
   std::size_t next_beam_ = 0;  ///< beam_count_: none
   base::TimeUs t_transmit_us_ = 0;
+  base::TimeUs t_device_us_ = 0;
   std::int32_t sound_speed_mm_s_ = 0;
   std::int64_t angle_first_bam_ = 0;   ///< Q12
   std::int64_t angle_factor_bam_ = 0;  ///< A0: last - first, Q12; A2: of one step, Q20

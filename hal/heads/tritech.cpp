@@ -228,13 +228,8 @@ bool TritechCodec::next(base::Ping& ping) {
   if (deliver(ping)) {
     return true;
   }
-  FrameBytes frame{};
-  while (framer_.next(judge, counters_, frame)) {
-    if (take(frame, ping)) {
-      return true;
-    }
-  }
-  return false;
+  return framer_.take_next(judge, counters_,
+                           [&](const FrameBytes& frame) { return take(frame, ping); });
 }
 
 void TritechCodec::restart() {

@@ -29,6 +29,8 @@ class GpioLine {
   [[nodiscard]] bool open_output(const std::string& chip, std::uint32_t line);
   void close();
   [[nodiscard]] bool set(bool high);
+  /// Level of an input now.
+  [[nodiscard]] bool get(bool* high);
   /// To poll for edges; -1: closed.
   [[nodiscard]] int fd() const;
   /// Takes the next edge; to be called when fd() is readable, otherwise it waits.

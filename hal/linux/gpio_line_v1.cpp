@@ -56,6 +56,12 @@ void GpioLine::close() {
 
 bool GpioLine::set(bool high) { return gpiod_line_set_value(line_of(line_), high ? 1 : 0) == 0; }
 
+bool GpioLine::get(bool* high) {
+  const int value = gpiod_line_get_value(line_of(line_));
+  *high = value > 0;
+  return value >= 0;
+}
+
 int GpioLine::fd() const { return line_ != nullptr ? gpiod_line_event_get_fd(line_of(line_)) : -1; }
 
 bool GpioLine::read_edge(GpioEdge* edge) {

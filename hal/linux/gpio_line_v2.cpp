@@ -97,6 +97,12 @@ bool GpioLine::set(bool high) {
   return gpiod_line_request_set_value(request_of(line_), offset_, value) == 0;
 }
 
+bool GpioLine::get(bool* high) {
+  const gpiod_line_value value = gpiod_line_request_get_value(request_of(line_), offset_);
+  *high = value == GPIOD_LINE_VALUE_ACTIVE;
+  return value != GPIOD_LINE_VALUE_ERROR;
+}
+
 int GpioLine::fd() const {
   return line_ != nullptr ? gpiod_line_request_get_fd(request_of(line_)) : -1;
 }

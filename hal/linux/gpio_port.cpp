@@ -35,6 +35,11 @@ void GpioPort::service(base::TimeUs now_us) {
   }
   counters_.opens += 1;
   backoff_.succeeded();
+  bool high = false;
+  level_ = 0;
+  if (!output_ && line_.get(&high)) {
+    level_ = high ? kHigh : kLow;
+  }
 }
 
 std::size_t GpioPort::read(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity,
@@ -42,6 +47,13 @@ std::size_t GpioPort::read(base::TimeUs now_us, std::uint8_t* out, std::size_t c
   now_us_ = now_us;
   if (!open_ || output_ || capacity == 0) {
     return 0;
+  }
+  if (level_ != 0) {
+    out[0] = level_;
+    level_ = 0;
+    counters_.bytes_in += 1;
+    t_arrival_us = now_us;
+    return 1;
   }
   // The library's read waits: only what is there already is read.
   pollfd wait{line_.fd(), POLLIN, 0};

@@ -1,6 +1,6 @@
 // A GPIO line as a port. In: one byte an edge, 'R' or 'F', at the time that the kernel saw it (PPS, a head's
-// ping sync, a leak switch). Out: the same letters set the line (a head's trigger). Inside of hal/linux; users
-// take linux_port.hpp.
+// ping sync, a leak switch); first of all 'H' or 'L', the level that it was opened at. Out: 'R' and 'F' set
+// the line (a head's trigger). Inside of hal/linux; users take linux_port.hpp.
 #pragma once
 
 #include <string>
@@ -14,6 +14,8 @@ class GpioPort final : public LinuxPort {
  public:
   static constexpr std::uint8_t kRising = 'R';
   static constexpr std::uint8_t kFalling = 'F';
+  static constexpr std::uint8_t kHigh = 'H';
+  static constexpr std::uint8_t kLow = 'L';
 
   explicit GpioPort(const UriSpec& spec);
 
@@ -41,6 +43,7 @@ class GpioPort final : public LinuxPort {
   std::uint32_t offset_;
   bool output_;
   bool open_ = false;
+  std::uint8_t level_ = 0;  ///< at opening, not yet read; 0: it was
   int errno_ = 0;
   std::uint32_t kernel_drops_ = 0;
   base::TimeUs now_us_ = 0;

@@ -67,7 +67,7 @@ const char* velocity_frame(std::uint32_t fields) {
 constexpr std::uint32_t kAttitudes = kind(NavKind::kAttitude);
 constexpr std::uint32_t kWithHeading = kAttitudes | kind(NavKind::kHeading);
 
-const std::array<NavColumn, 23> kColumns = {{
+const std::array<NavColumn, 25> kColumns = {{
     {"roll_deg", base::kNavRollPitch, kAttitudes,
      [](const NavSample& s) { return ordered_json(signed_degrees(s.attitude.roll_bam32)); }},
     {"pitch_deg", base::kNavRollPitch, kAttitudes,
@@ -116,6 +116,8 @@ const std::array<NavColumn, 23> kColumns = {{
      [](const NavSample& s) { return ordered_json(scaled(s.heave_um, 1e6)); }},
     {"utc_us", base::kNavUtc, kind(NavKind::kTime),
      [](const NavSample& s) { return ordered_json(s.utc_us); }},
+    {"pulse", base::kNavPulse, 0, [](const NavSample&) { return ordered_json(true); }},
+    {"leak", base::kNavLeak, 0, [](const NavSample& s) { return ordered_json(s.leak != 0); }},
     {"sound_speed_m_s", base::kNavSoundSpeed, kind(NavKind::kWater),
      [](const NavSample& s) { return ordered_json(scaled(s.sound_speed_mm_s, 1e3)); }},
     {"temperature_degc", base::kNavTemperature, kind(NavKind::kWater),
@@ -134,7 +136,7 @@ struct KindName {
 };
 
 /// In the order of NavKind.
-constexpr std::array<KindName, 12> kKinds = {{
+constexpr std::array<KindName, 13> kKinds = {{
     {"other", ~0U},
     {"attitude", base::kNavRollPitch},
     {"heading", kHeadings},
@@ -147,6 +149,7 @@ constexpr std::array<KindName, 12> kKinds = {{
     {"heave", base::kNavHeave},
     {"time", base::kNavUtc},
     {"water", base::kNavSoundSpeed | base::kNavTemperature},
+    {"line", base::kNavPulse | base::kNavLeak},
 }};
 
 /// What a record is about whose codec does not say.

@@ -249,7 +249,7 @@ constexpr std::size_t kXtfFileHeader_bytes = 1024;
 
 class XtfRecording : public Recording {
  public:
-  explicit XtfRecording(const std::string& path) : reader_(path) {}
+  explicit XtfRecording(ByteSource source) : reader_(std::move(source), "XTF") {}
   bool next(RecordedBytes* piece) override {
     XtfItem item{};
     while (reader_.next(&item)) {
@@ -320,7 +320,7 @@ bool is_tlog(ByteSource* source) {
 }
 
 bool is_xtf(ByteSource* source) {
-  return !source->path().empty() && source->peek(kXtfFileHeader_bytes) == kXtfFileHeader_bytes &&
+  return source->peek(kXtfFileHeader_bytes) == kXtfFileHeader_bytes &&
          source->data()[0] == kXtfFile;
 }
 
@@ -338,7 +338,7 @@ std::unique_ptr<Recording> open_recording(ByteSource source, Driver driver) {
     return std::make_unique<TlogRecording>(std::move(source));
   }
   if (driver == Driver::kR2sonic && is_xtf(&source)) {
-    return std::make_unique<XtfRecording>(source.path());
+    return std::make_unique<XtfRecording>(std::move(source));
   }
   return std::make_unique<RawRecording>(std::move(source));
 }

@@ -8,6 +8,7 @@
 #include "estimator/pose_history.hpp"
 #include "hal/heads/r2sonic.hpp"
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/import/pd0_line.hpp"
 #include "host_tools/import/sontek.hpp"
 #include "host_tools/import/xtf.hpp"
 #include "host_tools/text.hpp"
@@ -500,8 +501,14 @@ SurveyLine read_survey_line(const std::string& path, std::string* notice) {
   if (ends_with(path, ".xtf") || ends_with(path, ".XTF")) {
     return read_xtf_line(path, notice);
   }
-  throw HostError(ExitCode::kInput,
-                  path + ": what kind of file is it? Expected .xtf (R2Sonic) or .sum (SonTek)");
+  for (const char* const ending : {".pd0", ".PD0", ".enx", ".ENX", ".enr", ".ENR", ".000"}) {
+    if (ends_with(path, ending)) {
+      return read_pd0_line(path, notice);
+    }
+  }
+  throw HostError(ExitCode::kInput, path +
+                                        ": what kind of file is it? Expected .xtf (R2Sonic), .sum "
+                                        "(SonTek) or .pd0, .enx, .enr, .000 (PD0)");
 }
 
 }  // namespace leadline::host

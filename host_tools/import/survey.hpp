@@ -142,7 +142,7 @@ inline constexpr double kWrongSignShare = 0.15;
 /// digits are skipped. Throws HostError kInput with file, line and value.
 [[nodiscard]] estimator::SoundSpeedProfile read_sound_speed_profile(const std::string& path);
 
-/// An XTF recording of an R2Sonic, a SonTek .sum: by the file's name. Throws HostError kInput. `notice` gets
+/// An XTF recording of an R2Sonic, a SonTek .sum, PD0 (pd0_line.hpp): by the file's name. Throws HostError kInput. `notice` gets
 /// one line on what was odd, "" when nothing was.
 [[nodiscard]] SurveyLine read_survey_line(const std::string& path, std::string* notice);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "hal/wire.hpp"
 #include "host_tools/exit_codes.hpp"
@@ -40,6 +41,34 @@ double f64_at(const std::uint8_t* bytes) {
   return value;
 }
 
+/// Of the packet whose header is there; 0: none begins here.
+std::size_t packet_bytes(const std::uint8_t* header) {
+  const std::uint32_t size_bytes = read_u32_le(header + 10);
+  const bool mark = header[0] == 0xCE && header[1] == 0xFA;
+  return mark && size_bytes >= kPacketHeader_bytes && size_bytes <= kMaxXtfPacket_bytes ? size_bytes
+                                                                                        : 0;
+}
+
+/// A packet, and behind it another one or the end of what is there.
+bool chained(const std::uint8_t* bytes, std::size_t available) {
+  const std::size_t size_bytes = available >= kPacketHeader_bytes ? packet_bytes(bytes) : 0;
+  return size_bytes != 0 &&
+         (size_bytes == available ||
+          (size_bytes + kPacketHeader_bytes <= available && packet_bytes(bytes + size_bytes) != 0));
+}
+
+/// Where, behind the first byte, a packet begins whose end is not in sight or is another's beginning; 0: nowhere.
+std::size_t chain_inside(const std::uint8_t* bytes, std::size_t available) {
+  for (std::size_t at = 1; at + kPacketHeader_bytes <= available; ++at) {
+    const std::size_t size_bytes = packet_bytes(bytes + at);
+    if (size_bytes != 0 && (at + size_bytes + kPacketHeader_bytes > available ||
+                            chained(bytes + at, available - at))) {
+      return at;
+    }
+  }
+  return 0;
+}
+
 /// False also for NaN.
 bool within(double value, double limit) { return value >= -limit && value <= limit; }
 
@@ -60,22 +89,20 @@ bool read_time(const std::uint8_t* bytes, base::TimeUs fraction_us, base::TimeUs
 
 }  // namespace
 
-XtfReader::XtfReader(const std::string& path) : path_(path), file_(path, std::ios::binary) {
-  if (!file_) {
-    throw HostError(ExitCode::kInput, path + ": cannot be opened");
+XtfReader::XtfReader(ByteSource source, const std::string& name) : source_(std::move(source)) {
+  const std::size_t there = source_.peek(kFileHeader_bytes);
+  if (there != kFileHeader_bytes) {
+    throw HostError(ExitCode::kInput, name + ": shorter than the header of an XTF file (" +
+                                          std::to_string(there) + " of 1024 bytes)");
   }
-  std::vector<std::uint8_t> header(kFileHeader_bytes);
-  file_.read(reinterpret_cast<char*>(header.data()), kFileHeader_bytes);
-  if (static_cast<std::size_t>(file_.gcount()) != kFileHeader_bytes) {
-    throw HostError(ExitCode::kInput, path + ": shorter than the header of an XTF file (" +
-                                          std::to_string(file_.gcount()) + " of 1024 bytes)");
-  }
+  const std::vector<std::uint8_t> header(source_.data(), source_.data() + kFileHeader_bytes);
+  source_.skip(kFileHeader_bytes);
   if (header[0] != kFileMark) {
-    throw HostError(ExitCode::kInput, path + ": not an XTF file: byte 0 is " +
+    throw HostError(ExitCode::kInput, name + ": not an XTF file: byte 0 is " +
                                           std::to_string(header[0]) + ", expected 123");
   }
-  const auto* const name = reinterpret_cast<const char*>(header.data() + 2);
-  recorder_.assign(name, strnlen(name, 8));
+  const auto* const recorder = reinterpret_cast<const char*>(header.data() + 2);
+  recorder_.assign(recorder, strnlen(recorder, 8));
   const std::size_t channels =
       static_cast<std::size_t>(read_u16_le(header.data() + 166)) + read_u16_le(header.data() + 168);
   for (std::size_t i = 0; i < std::min(channels, kChannelsInHeader); ++i) {
@@ -97,57 +124,45 @@ XtfReader::XtfReader(const std::string& path) : path_(path), file_(path, std::io
   }
   if (channels > kChannelsInHeader) {
     const std::size_t more = (channels - kChannelsInHeader + 7) / 8;
-    file_.seekg(static_cast<std::streamoff>(kFileHeader_bytes * (1 + more)));
+    source_.skip(source_.peek(kFileHeader_bytes * more));
   }
-}
-
-/// Moves the file to the next 0xFACE; false at the end.
-bool XtfReader::find_start() {
-  int previous = -1;
-  for (int byte = file_.get(); byte != std::char_traits<char>::eof(); byte = file_.get()) {
-    if (previous == 0xCE && byte == 0xFA) {
-      file_.seekg(-2, std::ios::cur);
-      stats_.skipped_bytes -= 1;  // the 0xCE was counted
-      return true;
-    }
-    previous = byte;
-    stats_.skipped_bytes += 1;
-  }
-  return false;
 }
 
 /// Fills packet_ with the next whole packet.
 bool XtfReader::read_packet() {
   for (;;) {
-    packet_.resize(kPacketHeader_bytes);
-    file_.read(reinterpret_cast<char*>(packet_.data()), kPacketHeader_bytes);
-    const auto got = static_cast<std::size_t>(file_.gcount());
-    if (file_.bad()) {
-      throw HostError(ExitCode::kInput, path_ + ": cannot be read");
-    }
-    if (got < kPacketHeader_bytes) {
-      stats_.cut = got != 0;
+    const std::size_t there = source_.peek(kPacketHeader_bytes);
+    if (there < kPacketHeader_bytes) {
+      stats_.cut = stats_.cut || there != 0;
       return false;
     }
-    const std::uint32_t size_bytes = read_u32_le(packet_.data() + 10);
-    const bool start = packet_[0] == 0xCE && packet_[1] == 0xFA;
-    if (!start || size_bytes < kPacketHeader_bytes || size_bytes > kMaxXtfPacket_bytes) {
-      file_.seekg(1 - static_cast<std::streamoff>(kPacketHeader_bytes), std::ios::cur);
-      stats_.skipped_bytes += 1;
-      if (!find_start()) {
-        return false;
-      }
+    const std::size_t size_bytes = packet_bytes(source_.data());
+    if (size_bytes == 0) {
+      pass(1);
       continue;
     }
-    packet_.resize(size_bytes);
-    const auto rest = static_cast<std::streamsize>(size_bytes - kPacketHeader_bytes);
-    file_.read(reinterpret_cast<char*>(packet_.data() + kPacketHeader_bytes), rest);
-    if (file_.gcount() != rest) {
-      stats_.cut = true;
-      return false;
+    const std::size_t available = source_.peek(size_bytes + kPacketHeader_bytes);
+    if (!chained(source_.data(), available)) {
+      // Junk behind it, the file's cut end, or a size that is wrong: then packets begin inside.
+      const std::size_t inside = chain_inside(source_.data(), available);
+      if (inside != 0) {
+        pass(inside);
+        continue;
+      }
+      if (available < size_bytes) {
+        stats_.cut = true;
+        return false;
+      }
     }
+    packet_.assign(source_.data(), source_.data() + size_bytes);
+    source_.skip(size_bytes);
     return true;
   }
+}
+
+void XtfReader::pass(std::size_t byte_count) {
+  source_.skip(byte_count);
+  stats_.skipped_bytes += byte_count;
 }
 
 bool XtfReader::take_attitude(XtfItem* item) const {

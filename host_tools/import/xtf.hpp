@@ -13,15 +13,16 @@
 //   65   R2Sonic bathymetry: 256 bytes of header (position and attitude as the recorder interpolated them;
 //        not used), then the head's own packet, which goes out as bytes for hal/heads/r2sonic.hpp
 //
-// A packet that is damaged (no 0xFACE, a size out of bounds) is searched past, byte by byte, and
-// counted; a cut end is counted. Facts: Triton's format description, checked on one recording.
+// A packet that is damaged (no 0xFACE, a size out of bounds, or one behind which nothing begins while packets begin
+// inside of it) is searched past and counted; a cut end is counted. Facts: Triton's format description, checked on one recording.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <fstream>
 #include <string>
 #include <vector>
 
+#include "host_tools/import/byte_source.hpp"
 #include "model/base/nav_sample.hpp"
 #include "model/base/units.hpp"
 
@@ -68,7 +69,9 @@ struct XtfStats {
 class XtfReader {
  public:
   /// Opens and reads the header. Throws HostError kInput: cannot be read, shorter than a header, not XTF.
-  explicit XtfReader(const std::string& path);
+  explicit XtfReader(const std::string& path) : XtfReader(ByteSource(path), path) {}
+  /// The same of bytes from anywhere; `name` for the errors.
+  XtfReader(ByteSource source, const std::string& name);
 
   /// The next item; false at the end. Throws HostError kInput when the file cannot be read.
   [[nodiscard]] bool next(XtfItem* item);
@@ -79,13 +82,12 @@ class XtfReader {
 
  private:
   [[nodiscard]] bool read_packet();
-  [[nodiscard]] bool find_start();
+  void pass(std::size_t byte_count);
   [[nodiscard]] bool take_attitude(XtfItem* item) const;
   [[nodiscard]] bool take_position(XtfItem* item) const;
   [[nodiscard]] bool take_head(XtfItem* item) const;
 
-  std::string path_;
-  std::ifstream file_;
+  ByteSource source_;
   std::vector<std::uint8_t> packet_;
   XtfMounting mounting_;
   std::string recorder_;

@@ -52,9 +52,11 @@ bool may_be_at(Driver driver, hal::UriScheme scheme, bool chosen) {
     case hal::UriScheme::kModbusRtu:
     case hal::UriScheme::kModbusTcp:
       return driver == Driver::kKeller;
+    case hal::UriScheme::kGpio:
+      return driver == Driver::kLine;
     default:
-      // CAN frames have no mark of their own: any bytes could be some.
-      return driver != Driver::kNmea2000 || chosen;
+      // CAN frames and a line's letters have no mark of their own: any bytes could be some.
+      return (driver != Driver::kNmea2000 && driver != Driver::kLine) || chosen;
   }
 }
 
@@ -110,8 +112,8 @@ hal::UriSpec uri_of(const ProbeOptions& options) {
     usage_error(parsed.error);
   }
   const hal::UriSpec& spec = parsed.spec;
-  if (spec.scheme == hal::UriScheme::kGpio) {
-    usage_error(options.uri + ": no device talks on a gpio line");
+  if (spec.scheme == hal::UriScheme::kGpio && spec.output) {
+    usage_error(options.uri + ": nothing comes from an output");
   }
   const bool modbus =
       spec.scheme == hal::UriScheme::kModbusRtu || spec.scheme == hal::UriScheme::kModbusTcp;

@@ -61,6 +61,7 @@ constexpr AlarmName kAlarmNames[] = {
     {proto::kAlarmInputDropped, "device bytes dropped"},
     {proto::kAlarmPoseEpoch, "navigation jumped"},
     {proto::kAlarmRestarted, "the vehicle failed and started over"},
+    {proto::kAlarmLeak, "leak"},
 };
 
 }  // namespace

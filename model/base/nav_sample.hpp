@@ -29,6 +29,8 @@ enum NavField : std::uint32_t {
   kNavSoundSpeed = 1U << 14U,     ///< sound_speed_mm_s
   kNavTemperature = 1U << 15U,    ///< temperature_mdegc
   kNavYawRate = 1U << 16U,        ///< rate_urad_s[2] alone: a sensor of one axis
+  kNavPulse = 1U << 17U,          ///< a line's edge at t_us; what it stands for, the port knows
+  kNavLeak = 1U << 18U,           ///< leak
 };
 
 /// What a message of a sensor is about, whether or not it knew the value: a sample whose kind is kVelocity
@@ -46,6 +48,7 @@ enum class NavKind : std::uint8_t {
   kHeave = 9,
   kTime = 10,
   kWater = 11,  ///< sound speed, temperature
+  kLine = 12,   ///< an edge or the level of a single line
 };
 
 struct NavSample {
@@ -53,6 +56,7 @@ struct NavSample {
   std::uint32_t fields;  ///< NavField bits
   std::uint8_t quality;  ///< 0 = unusable .. 255 = best; a sensor without a measure reports 255
   NavKind kind;
+  std::uint8_t leak;  ///< 1: water where none belongs, 0: none
   Attitude attitude;
   /// One sigma, as the sensor states it; 0 = not stated (the configuration's value holds).
   std::uint32_t sigma_attitude_urad[3];  ///< roll, pitch, heading

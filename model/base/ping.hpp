@@ -41,6 +41,8 @@ struct Ping {
   RangeProfile profile;   ///< kProfile only
   /// Speed of sound that range_um and the beam's direction were made with; 0: the configured one.
   std::int32_t sound_speed_mm_s;
+  /// The head's own clock at t_transmit_us, from an origin of its own; 0: it has none, or t_transmit_us is it.
+  TimeUs t_device_us;
 };
 
 }  // namespace leadline::base

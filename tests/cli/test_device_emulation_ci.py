@@ -296,7 +296,8 @@ class Emulation(Case):
         nothing.write_bytes(bytes(1000))
         for arguments, code, parts in [
                 (["usb:1"], USAGE, ["usb:1"]),
-                (["gpio:gpiochip0:1"], USAGE, ["gpio"]),
+                (["gpio:gpiochip0:1:out"], USAGE, ["gpio"]),
+                (["gpio:gpiochip0:1", "--driver", "nmea"], USAGE, ["nmea"]),
                 (["modbus-tcp:127.0.0.1:502@1"], USAGE, ["--ask"]),
                 (["file:x", "--ask"], USAGE, ["--ask"]),
                 (["udp:@127.0.0.1:0", "--driver", "tss2"], USAGE, ["did you mean tss1?"]),

@@ -40,7 +40,7 @@ class Check(Case):
         self.assertEqual(report["config"]["cycle"]["voxel_budget"], work["cycle_voxels"])
         self.write_config("[cycle]\nvoxel_budget = 0\n")
         unlimited = json.loads(self.expect(self.check("--json"), OK).stdout)
-        self.assertEqual(unlimited["work"]["cycle_voxels"], 256 * work["ping_voxels"])
+        self.assertEqual(unlimited["work"]["cycle_voxels"], 4096 * work["ping_voxels"])
         self.assertEqual(unlimited["config"]["cycle"]["voxel_budget"], 0)
         self.write_config("[cycle]\nvoxel_budget = 100000\n")
         report = json.loads(self.expect(self.check("--json"), OK).stdout)

@@ -21,6 +21,7 @@
 #include "firmware/pipeline/log_player.hpp"
 #include "firmware/pipeline/session_log.hpp"
 #include "hal/emu/faulty_stream.hpp"
+#include "hal/emu/talker.hpp"
 #include "host_tools/emulate/lone_devices.hpp"
 #include "host_tools/table/generator.hpp"
 #include "proto/framing.hpp"
@@ -114,10 +115,25 @@ struct Line {
   std::unique_ptr<FaultyStream> to_vehicle;
 };
 
+/// An edge five times a second.
+std::unique_ptr<leadline::emu::EmulatedDevice> make_line() {
+  const auto edge = [](std::uint8_t letter, leadline::base::TimeUs first_us) {
+    return leadline::emu::TalkerRow{
+        [letter](leadline::base::TimeUs) { return leadline::emu::Bytes{letter}; }, 200'000,
+        first_us};
+  };
+  return std::make_unique<leadline::emu::Talker>(
+      leadline::emu::TalkerConfig{},
+      std::vector<leadline::emu::TalkerRow>{edge('R', 1'000), edge('F', 51'000)});
+}
+
 std::unique_ptr<leadline::emu::EmulatedDevice> make_device(Driver driver, std::size_t variant,
                                                            const DeviceScene& scene) {
   if (driver == Driver::kKongsberg) {
     return std::make_unique<Recorded>(kongsberg_messages());
+  }
+  if (driver == Driver::kLine) {
+    return make_line();
   }
   return leadline::host::make_lone_device(driver, variant, scene);
 }
@@ -227,6 +243,9 @@ leadline::firmware::PortConfig random_port(Random& random, Driver driver) {
   if (variants > 1) {
     port.variant_plus_1 = number<std::int32_t>(random, 2, static_cast<std::int64_t>(variants));
   }
+  if (driver == Driver::kLine && port.mount == leadline::firmware::kNoMount) {
+    port.mount = 0;  // of a head that says when it transmits
+  }
   port.byte_time_ns = chance(random, 30) ? number<std::int32_t>(random, 0, 90'000) : 0;
   port.intensity_scale = static_cast<leadline::firmware::IntensityScale>(random.between(0, 2));
   port.intensity_step_mdb = number<std::int32_t>(random, 100, 900);
@@ -251,8 +270,13 @@ VehicleConfig random_config(Random& random) {
     }
     config.mounts[i].table = number<std::uint8_t>(random, 0, config.table_count - 1);
   }
+  int larges = 0;
   for (int i = 0; i < config.port_count; ++i) {
-    const Driver any = static_cast<Driver>(random.between(1, leadline::firmware::kLastDriver));
+    // More than three of the largest codecs may find no room (LEADLINE_CODEC_BYTES).
+    const auto drawn = static_cast<Driver>(random.between(1, leadline::firmware::kLastDriver));
+    const bool large = drawn == Driver::kKongsberg || drawn == Driver::kWl3d;
+    larges += large ? 1 : 0;
+    const Driver any = large && larges > 3 ? Driver::kNmea : drawn;
     config.ports[i] = random_port(random, i == 0 && chance(random, 85) ? kWholeNavigation : any);
     if (i == 0) {
       config.ports[i].switches = 0;

@@ -425,7 +425,7 @@ TEST(a_flood_sheds_the_oldest_pings_and_counts_them) {
           chunk.bytes[5] != 0x04) {
         continue;
       }
-      for (int i = 0; i < 40; ++i) {
+      for (int i = 0; i < 400; ++i) {
         RecordedChunk copy = chunk;
         std::uint32_t sum = 0;
         ++number;

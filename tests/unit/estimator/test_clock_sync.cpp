@@ -11,7 +11,6 @@ namespace {
 using leadline::base::TimeUs;
 using leadline::estimator::ClockReading;
 using leadline::estimator::ClockSync;
-using leadline::estimator::PulseSync;
 using leadline::test::Random;
 
 /// A device clock and its line. Latencies: `jitter_us` on the mean, with a long tail, and stalls.
@@ -244,39 +243,6 @@ TEST(a_clock_that_no_crystal_has_is_not_believed) {
   const Result result = run(sync, device, 0, 120, random);
   assert_true(result.worst_us < 25'000);
   assert_true(std::llabs(sync.drift_ppb()) <= 500'000);
-}
-
-TEST(pulses_get_the_second_that_a_message_names) {
-  PulseSync pulses;
-  TimeUs utc = 0;
-  TimeUs t = 0;
-  assert_false(pulses.add_utc(1'000'000, 5, utc, t));
-  const TimeUs day = 1'795'305'600'000'000;
-  for (const TimeUs measured : {TimeUs{0}, TimeUs{200'000}, TimeUs{-200'000}}) {
-    for (const TimeUs latency : {TimeUs{250'000}, TimeUs{700'000}}) {
-      pulses.add_pulse(40'000'123);
-      const TimeUs arrival = 40'000'123 + measured + latency;
-      assert_true(pulses.add_utc(day + measured, arrival, utc, t));
-      assert_int_equal(utc, day);
-      assert_int_equal(t, 40'000'123);
-      assert_false(pulses.add_utc(day + measured, arrival, utc, t));
-    }
-  }
-  pulses.add_pulse(50'000'000);
-  assert_false(pulses.add_utc(day, 51'000'001, utc, t));
-  assert_false(pulses.add_utc(day, 49'000'000, utc, t));
-  // And the pair goes into the clock: UTC that runs 200 ppm off the vehicle's.
-  ClockSync sync;
-  Random random(8);
-  for (TimeUs second = 0; second < 60; ++second) {
-    const TimeUs edge = second * 1'000'200;
-    pulses.add_pulse(edge + random.between(0, 40));
-    assert_true(pulses.add_utc(day + second * 1'000'000, edge + 300'000, utc, t));
-    sync.add(utc, t);
-  }
-  assert_true(sync.sure());
-  assert_near(sync.at(day + 60'500'000).t_us, 60.5 * 1'000'200, 60);
-  assert_true(sync.at(day + 60'500'000).error_us < 100);
 }
 
 }  // namespace

@@ -111,7 +111,7 @@ TEST(drivers_keep_their_numbers_and_names) {
   const std::vector<std::string> names = {
       "ping1d",  "ping360",   "nmea",   "cerulean", "imagenex",  "deltat83p", "tritech",
       "r2sonic", "kongsberg", "wl3d",   "tss1",     "vectornav", "xsens",     "trax",
-      "wldvl",   "pd0",       "keller", "nmea2000", "mavlink"};
+      "wldvl",   "pd0",       "keller", "nmea2000", "mavlink",   "line"};
   assert_int_equal(names.size(), leadline::firmware::kLastDriver);
   for (std::size_t i = 0; i < names.size(); ++i) {
     assert_string_equal(driver_name(static_cast<Driver>(i + 1)), names[i].c_str());
@@ -139,6 +139,43 @@ TEST(a_codec_of_another_driver_takes_the_storage_of_the_one_before) {
   assert_int_equal(port.counters().restarts, 1);
   assert_false(port.configure_decoding(Driver::kNone));
   assert_int_equal(port.counters().restarts, 0);
+}
+
+TEST(codecs_in_one_arena_do_not_touch_each_other_and_a_full_one_leaves_the_port_deaf) {
+  using leadline::firmware::CodecArena;
+  using leadline::firmware::PortCodec;
+  alignas(leadline::firmware::kCodecStorage_alignment) static std::uint8_t bytes[20'000];
+  CodecArena arena(bytes, sizeof bytes);
+  PortConfig ping1d{};
+  ping1d.driver = Driver::kPing1d;
+  ping1d.max_range_um = 10'000'000;
+  ping1d.ping_interval_us = 100'000;
+  PortConfig nmea{};
+  nmea.driver = Driver::kNmea;
+  PortCodec heads[3];
+  PortCodec sensor;
+  heads[0].configure(ping1d, {1'500'000}, arena);
+  sensor.configure(nmea, {1'500'000}, arena);
+  heads[1].configure(ping1d, {1'500'000}, arena);
+  heads[2].configure(ping1d, {1'500'000}, arena);
+  assert_int_equal(heads[1].driver(), Driver::kPing1d);
+  assert_int_equal(heads[2].driver(), Driver::kNone);
+  DeviceRecord record{};
+  std::uint8_t request[64];
+  assert_int_equal(heads[2].feed('$', 0, record), RecordKind::kNone);
+  assert_int_equal(heads[2].request(0, request, sizeof(request)), 0);
+  // Half a sentence beside two heads that are asked and answered with junk.
+  int records = 0;
+  for (const char c : std::string("$HEHDT,90.0,T*16\r\n")) {
+    assert_true(heads[0].request(0, request, sizeof(request)) <= sizeof(request));
+    static_cast<void>(heads[0].feed(static_cast<std::uint8_t>(c), 0, record));
+    static_cast<void>(heads[1].feed(0x42, 0, record));
+    records += sensor.feed(static_cast<std::uint8_t>(c), 0, record) == RecordKind::kSample ? 1 : 0;
+  }
+  assert_int_equal(records, 1);
+  arena.clear();
+  heads[2].configure(ping1d, {1'500'000}, arena);
+  assert_int_equal(heads[2].driver(), Driver::kPing1d);
 }
 
 }  // namespace

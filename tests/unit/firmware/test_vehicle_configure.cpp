@@ -47,6 +47,25 @@ TEST(an_unconfigured_vehicle_does_nothing) {
   assert_int_equal(vehicle.counters().cycles, 0);
 }
 
+TEST(codecs_share_their_room_and_more_than_there_is_is_refused) {
+  const auto with = [](Driver driver, int count) {
+    return configured([&](VehicleConfig& c) {
+      c.port_count = 8;
+      for (int i = 0; i < 8; ++i) {
+        c.ports[i] = c.ports[i < 2 ? i : 1];
+        if (i >= 2 && i < 2 + count) {
+          c.ports[i] = c.ports[0];
+          c.ports[i].driver = driver;
+        }
+      }
+    });
+  };
+  assert_int_equal(with(Driver::kKongsberg, 4), Status::kOk);
+  assert_int_equal(with(Driver::kKongsberg, 5), Status::kFull);
+  assert_int_equal(with(Driver::kWl3d, 6), Status::kOk);
+  assert_int_equal(with(Driver::kR2sonic, 6), Status::kOk);
+}
+
 TEST(values_out_of_range_are_refused) {
   const auto out_of_range = [](auto change) { return configured(change) == Status::kOutOfRange; };
   assert_true(out_of_range([](VehicleConfig& c) { c.port_count = 9; }));
@@ -170,7 +189,8 @@ TEST(a_cycle_s_work_is_bounded_with_and_without_a_budget) {
   configure_rig(vehicle, config);
   const std::uint32_t ping = vehicle.model().bound().total_voxels;
   assert_true(ping > 0);
-  assert_int_equal(vehicle.cycle_bound_voxels(), 256 * ping);
+  assert_int_equal(vehicle.cycle_bound_voxels(),
+                   leadline::firmware::PingQueue::kCapacity_count * ping);
   config.cycle_voxel_budget = 3 * ping + 1;
   configure_rig(vehicle, config);
   assert_int_equal(vehicle.cycle_bound_voxels(), 3 * ping + 1);

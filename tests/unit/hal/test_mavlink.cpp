@@ -135,6 +135,39 @@ TEST(every_message_comes_back_in_every_version) {
   }
 }
 
+TEST(odometry_is_a_velocity_of_the_body_and_a_place_where_its_frames_say_so) {
+  using leadline::emu::mavlink_odometry;
+  for (const MavlinkVersion version : {MavlinkVersion::k2, MavlinkVersion::k2Signed}) {
+    const NavSample both = only(mavlink_odometry(peer(version), motion(), 0.5, 0.02));
+    assert_int_equal(both.kind, NavKind::kVelocity);
+    assert_int_equal(both.fields,
+                     leadline::base::kNavVelocityBody | leadline::base::kNavPositionLocal);
+    assert_int_equal(both.velocity_um_s[1], -500'000);
+    assert_int_equal(both.position_um[1], -20'250'000);
+    assert_int_equal(both.sigma_velocity_um_s, 20'000);
+    assert_int_equal(both.sigma_position_mm, 500);
+    assert_int_equal(both.sigma_vertical_mm, 500);
+    assert_int_equal(both.t_device_us, 123'456'000);
+    assert_int_equal(both.quality, 255);
+  }
+  const auto of = [](int quality, unsigned frame, unsigned child, double sigma = 1) {
+    return only(mavlink_odometry({}, motion(), sigma, sigma, quality, frame, child));
+  };
+  assert_int_equal(of(-1, 1, 12).fields, 0);
+  assert_int_equal(of(50, 1, 12).quality, 127);
+  assert_int_equal(of(0, 20, 12).fields, leadline::base::kNavVelocityBody);  // no north
+  assert_int_equal(of(0, 1, 1).fields,
+                   leadline::base::kNavVelocityWorld | leadline::base::kNavPositionLocal);
+  assert_int_equal(of(0, 21, 8).fields, 0);  // forward, left, up; a deprecated frame
+  const NavSample unstated = of(0, 1, 12, std::nan(""));
+  assert_int_equal(unstated.sigma_velocity_um_s, 0);
+  assert_int_equal(unstated.sigma_position_mm, 0);
+  Motion lost = motion();
+  lost.velocity_m_s[2] = std::nan("");
+  assert_int_equal(only(mavlink_odometry({}, lost, 1, 1)).fields,
+                   leadline::base::kNavPositionLocal);
+}
+
 TEST(damage_costs_one_frame) {
   for (const MavlinkVersion version : kVersions) {
     const Bytes frame = leadline::emu::mavlink_attitude(peer(version), motion());

@@ -232,6 +232,14 @@ TEST(nothing_known_is_no_record) {
       "GPVTG,,T,,M,,N,,K,N",
       "GPVTG,90,T,,M,5,N,,K,N",
       "IIVHW,,T,,M,,N,,K",
+      "GPRMC,120000,V,,,,,,,221126,,,N",
+      "GPRMC,120000,A,,,,,,,221126,,,N",
+      "GPRMC,,,,,,,,,,,",
+      "GPZDA,,,,,,",
+      "GPZDA,120000.00,,,,00,00",
+      "HEROT,,A",
+      "HEROT,1.5,V",
+      "PHTRO,,,,",
   };
   NmeaCodec codec({});
   for (const char* const line : lines) {
@@ -244,7 +252,7 @@ TEST(nothing_known_is_no_record) {
 }
 
 TEST(what_is_not_ours_is_left) {
-  const char* const lines[] = {"PASHR,ATT,1,2", "PASHR,POS,0,1", "GPRMC,1,2",
+  const char* const lines[] = {"PASHR,ATT,1,2", "PASHR,POS,0,1", "GPXDR,1,2",
                                "PGRME,1",       "HDT,1,T",       "",
                                "PRXXX,1",       "GPGGAX,1"};
   NmeaCodec codec({});
@@ -445,13 +453,91 @@ TEST(every_record_says_what_it_is_about) {
   const struct {
     const char* text;
     NavKind kind;
-  } cases[] = {
-      {"HCHDG,10,,,,", NavKind::kHeading},     {"HCHDM,10,M", NavKind::kHeading},
-      {"GPHDT,10,T", NavKind::kHeading},       {"SDDBT,1,f,,M,,F", NavKind::kAltitude},
-      {"SDDPT,1,0", NavKind::kAltitude},       {"GPGGA,1,4807.0,N,01131.0,E,1", NavKind::kPosition},
-      {"PRDID,1,2,3", NavKind::kAttitude},     {"PASHR,1,10,T,1,2,0,0,0,0,0,0", NavKind::kAttitude},
-      {"PRVAT,1,M,1,dBar", NavKind::kAltitude}};
+  } cases[] = {{"HCHDG,10,,,,", NavKind::kHeading},
+               {"HCHDM,10,M", NavKind::kHeading},
+               {"GPHDT,10,T", NavKind::kHeading},
+               {"SDDBT,1,f,,M,,F", NavKind::kAltitude},
+               {"SDDPT,1,0", NavKind::kAltitude},
+               {"GPGGA,1,4807.0,N,01131.0,E,1", NavKind::kPosition},
+               {"PHTRO,1,M,2,T", NavKind::kAttitude},
+               {"HEROT,1,A", NavKind::kRates},
+               {"GPZDA,000001,1,1,2000", NavKind::kTime},
+               {"GPRMC,000001,A,0000.0,N,00000.0,E,,,010100", NavKind::kPosition},
+               {"PRDID,1,2,3", NavKind::kAttitude},
+               {"PASHR,1,10,T,1,2,0,0,0,0,0,0", NavKind::kAttitude},
+               {"PRVAT,1,M,1,dBar", NavKind::kAltitude}};
   for (const auto& one : cases) {
     assert_int_equal(body(one.text).kind, one.kind);
+  }
+}
+
+TEST(dates_and_times) {
+  // date -u -d 2026-11-22T23:59:59.25Z +%s%6N
+  const NavSample zda = body("GPZDA,235959.25,22,11,2026,00,00");
+  assert_int_equal(zda.fields, leadline::base::kNavUtc);
+  assert_int_equal(zda.utc_us, 1'795'391'999'250'000);
+  assert_int_equal(body("GPZDA,000000,1,3,2000").utc_us, 951'868'800'000'000);
+  assert_int_equal(body("GPZDA,000000,29,02,2024").utc_us, 1'709'164'800'000'000);
+  assert_int_equal(body("GPZDA,000000,01,01,1980").utc_us, 315'532'800'000'000);
+  assert_int_equal(body("GPZDA,000000,31,12,2099").utc_us, 4'102'358'400'000'000);
+  for (const char* const wrong :
+       {"GPZDA,000000,29,02,2023", "GPZDA,000000,31,04,2023", "GPZDA,000000,0,4,2023",
+        "GPZDA,000000,1,13,2023", "GPZDA,000000,1,1,23", "GPZDA,240000,1,1,2023",
+        "GPZDA,000000,1,1,1979", "GPZDA,000000,1,1,2100", "GPZDA,000000,1x,1,2000",
+        "GPZDA,000000,001,1,2000", "GPZDA,000000,,1,2000", "GPZDA,1,1,1,2000"}) {
+    NmeaCodec codec({});
+    assert_int_equal(feed(codec, from_text(sealed(wrong) + "\r\n")).size(), 0);
+    assert_int_equal(codec.counters().bad_field, 1);
+  }
+}
+
+TEST(the_recommended_minimum) {
+  const std::string text = "GPRMC,123519.5,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W,A";
+  const NavSample rmc = body(text);
+  assert_int_equal(rmc.fields, leadline::base::kNavUtc | leadline::base::kNavGeodetic |
+                                   leadline::base::kNavVelocityWorld);
+  assert_int_equal(rmc.utc_us, 764'426'119'500'000);
+  assert_near(static_cast<double>(rmc.latitude_e9deg), 48.1173e9, 1);
+  const double speed = 22.4 * 514'444.444;
+  assert_near(static_cast<double>(rmc.velocity_um_s[0]),
+              speed * std::cos(84.4 / 180.0 * 3.14159265358979), 10);
+  assert_near(static_cast<double>(rmc.velocity_um_s[1]),
+              speed * std::sin(84.4 / 180.0 * 3.14159265358979), 10);
+  // Its place says the same as a GGA's, without a quality.
+  NmeaCodec codec({});
+  const auto both = feed(codec, from_text(sealed("GPGGA,120000,4807.0,N,01131.0,E,4") + "\r\n" +
+                                          sealed(text) + "\r\n"));
+  assert_int_equal(both.size(), 2);
+  assert_int_equal(both[1].fields, leadline::base::kNavUtc | leadline::base::kNavVelocityWorld);
+  assert_int_equal(body("GPRMC,000000,A,0000.0,N,00000.0,E,,,010126").fields,
+                   leadline::base::kNavUtc | leadline::base::kNavGeodetic);
+  for (const char* const wrong :
+       {"GPRMC,000000,A,,,,,1,2,010126", "GPRMC,000000,A,0,N,0,E,1,2,320126",
+        "GPRMC,000000,A,0,N,0,E,x,2,010126", "GPRMC,,A,0,N,0,E,1,2,010126",
+        "GPRMC,000000,A,0,N,0,E,1,2,0101"}) {
+    NmeaCodec wary({});
+    assert_int_equal(feed(wary, from_text(sealed(wrong) + "\r\n")).size(), 0);
+    assert_int_equal(wary.counters().bad_field, 1);
+  }
+}
+
+TEST(turning_and_tilting) {
+  // 60 degrees a minute are a degree a second, clockwise.
+  const NavSample rot = body("HEROT,60.0,A");
+  assert_int_equal(rot.fields, leadline::base::kNavYawRate);
+  assert_int_equal(rot.rate_urad_s[2], 17'453);
+  assert_int_equal(body("HEROT,-720,A").rate_urad_s[2], -209'440);
+  const NavSample up = body("PHTRO,1.25,M,2.50,T");
+  assert_int_equal(up.fields, leadline::base::kNavRollPitch);
+  assert_near(degrees(up.attitude.pitch_bam32), 1.25, kBam);
+  assert_near(degrees(up.attitude.roll_bam32), 2.5, kBam);
+  const NavSample down = body("PHTRO,1.25,P,2.50,B");
+  assert_near(degrees(down.attitude.pitch_bam32), -1.25, kBam);
+  assert_near(degrees(down.attitude.roll_bam32), -2.5, kBam);
+  for (const char* const wrong : {"PHTRO,1,X,2,T", "PHTRO,1,M,2,X", "PHTRO,91,M,2,T",
+                                  "PHTRO,1,M,,T", "PHTRO,-1,M,2,T", "HEROT,x,A", "HEROT,36001,A"}) {
+    NmeaCodec codec({});
+    assert_int_equal(feed(codec, from_text(sealed(wrong) + "\r\n")).size(), 0);
+    assert_int_equal(codec.counters().bad_field, 1);
   }
 }

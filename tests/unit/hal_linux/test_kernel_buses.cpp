@@ -15,6 +15,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "estimator/utc_clock.hpp"
+#include "hal/attitude/line.hpp"
 #include "hal/attitude/nmea2000.hpp"
 #include "hal/can_frame.hpp"
 #include "hal/emu/nmea2000_bus.hpp"
@@ -29,10 +31,14 @@ namespace {
 using leadline::base::NavSample;
 using leadline::emu::n2k_truth;
 using leadline::emu::N2kTruth;
+using leadline::estimator::PingSync;
 using leadline::hal::CanCounters;
 using leadline::hal::CanFrame;
 using leadline::hal::CanPort;
 using leadline::hal::kCanFrame_bytes;
+using leadline::hal::LineCodec;
+using leadline::hal::LineConfig;
+using leadline::hal::LineRole;
 using leadline::hal::LinuxPort;
 using leadline::hal::Nmea2000Codec;
 using leadline::hal::PortState;
@@ -306,6 +312,7 @@ TEST(edges_come_with_the_time_that_the_kernel_saw_them) {
   const std::string pull = guest("LEADLINE_TEST_GPIO_PULL");
   const auto port = port_of("gpio:" + line);
   wait_open(*port);
+  assert_true(next(*port).bytes == from_text("L"));  // the level, which is no edge
   for (int i = 0; i < 20; ++i) {
     const bool up = i % 2 == 0;
     const auto before_us = monotonic_us();
@@ -318,9 +325,50 @@ TEST(edges_come_with_the_time_that_the_kernel_saw_them) {
     assert_true(arrival.t_us >= before_us && arrival.t_us <= before_us + 50'000);
   }
   assert_true(read_once(*port).bytes.empty());
-  assert_int_equal(port->counters().bytes_in, 20);
+  assert_int_equal(port->counters().bytes_in, 21);
   const std::uint8_t byte = 'R';
   assert_int_equal(port->write(&byte, 1), 0);  // an input
+}
+
+TEST(edges_become_a_head_s_transmission_and_a_level_a_leak) {
+  const std::string line = guest("LEADLINE_TEST_GPIO");
+  const std::string pull = guest("LEADLINE_TEST_GPIO_PULL");
+  LineCodec sync(LineConfig{LineRole::kPingSync, true});
+  LineCodec leak(LineConfig{LineRole::kLeak, true});
+  PingSync edges;
+  NavSample sample{};
+  std::ofstream(pull) << "pull-down" << std::endl;
+  auto port = port_of("gpio:" + line);
+  wait_open(*port);
+  Arrival arrival = next(*port);
+  assert_true(leak.feed(arrival.bytes[0], arrival.t_us, sample));
+  assert_int_equal(sample.leak, 0);
+  for (int i = 0; i < 10; ++i) {
+    const auto before_us = monotonic_us();
+    std::ofstream(pull) << "pull-up" << std::endl;
+    (void)::poll(nullptr, 0, 60);
+    arrival = next(*port);
+    assert_true(sync.feed(arrival.bytes[0], arrival.t_us, sample));
+    edges.add(sample.t_us);
+    assert_true(leak.feed(arrival.bytes[0], arrival.t_us, sample));
+    assert_int_equal(sample.leak, 1);
+    std::int64_t edge_us = 0;
+    assert_true(edges.edge_of(monotonic_us(), edge_us));
+    assert_true(edge_us >= before_us && edge_us <= before_us + 50'000);
+    std::ofstream(pull) << "pull-down" << std::endl;
+    (void)::poll(nullptr, 0, 60);
+    arrival = next(*port);
+    assert_false(sync.feed(arrival.bytes[0], arrival.t_us, sample));
+  }
+  // A boat that is full of water already when its program starts.
+  port.reset();
+  std::ofstream(pull) << "pull-up" << std::endl;
+  port = port_of("gpio:" + line);
+  wait_open(*port);
+  arrival = next(*port);
+  assert_true(leak.feed(arrival.bytes[0], arrival.t_us, sample));
+  assert_int_equal(sample.leak, 1);
+  std::ofstream(pull) << "pull-down" << std::endl;
 }
 
 TEST(a_trigger_sets_its_line) {

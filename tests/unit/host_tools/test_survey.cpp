@@ -188,6 +188,31 @@ TEST(packets_of_an_xtf_file) {
   assert_near(reader.mounting().starboard_m, 5.0, 0);
 }
 
+TEST(a_wrong_size_costs_its_packet_and_not_the_rest_of_the_file) {
+  const Bytes intact = survey_xtf();
+  const auto items = [](const Bytes& bytes) {
+    XtfReader reader(leadline::host::ByteSource(bytes.data(), bytes.size()), "memory");
+    XtfItem item{};
+    std::size_t count = 0;
+    while (reader.next(&item)) {
+      ++count;
+    }
+    return count;
+  };
+  const std::size_t all = items(intact);
+  assert_int_equal(all, 599);
+  // The size field of the second packet: too small, too large, beyond the end.
+  const std::size_t second = 1024 + 64;
+  assert_int_equal(intact[second], 0xCE);
+  for (const std::uint32_t size : {0U, 20U, 65U, 1001U, 50'001U, 4'000'000U, 0xFFFFFFFFU}) {
+    Bytes damaged = intact;
+    for (int i = 0; i < 4; ++i) {
+      damaged[second + 10 + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(size >> 8 * i);
+    }
+    assert_true(items(damaged) + 1 >= all);
+  }
+}
+
 TEST(files_that_are_none) {
   assert_true(error_of([] { XtfReader reader("/nowhere.xtf"); }).find("/nowhere.xtf") == 0);
   const std::string small = write_scratch("small.xtf", Bytes(10));
