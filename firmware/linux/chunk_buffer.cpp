@@ -60,6 +60,21 @@ bool ChunkBuffer::read(hal::LinuxPort& port, std::size_t source, std::uint8_t nu
   return true;
 }
 
+bool ChunkBuffer::read_rest(hal::LinuxPort& port, std::size_t source, std::uint8_t number,
+                            base::TimeUs now_us) {
+  const std::size_t end = bytes_.size() - kReserve_bytes;
+  const std::size_t room =
+      filled_bytes_ < end ? std::min(firmware::kMaxChunk_bytes, end - filled_bytes_) : 0;
+  if (port.held_bytes() == 0 || room == 0 || used_chunks_[source] >= kMaxChunksPerSource) {
+    return false;
+  }
+  base::TimeUs t_arrival_us = now_us;
+  const std::size_t size = port.read(now_us, bytes_.data() + filled_bytes_, room, t_arrival_us);
+  used_chunks_[source] += 1;
+  push(number, t_arrival_us, size);
+  return size > 0;
+}
+
 void ChunkBuffer::retime(base::TimeUs t_us) {
   for (firmware::InputChunk& chunk : chunks_) {
     chunk.t_arrival_us = t_us;

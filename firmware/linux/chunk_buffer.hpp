@@ -21,8 +21,11 @@ class ChunkBuffer {
   static constexpr std::size_t kOwnChunks = 17;
   static_assert(kSources * kMaxChunksPerSource + kOwnChunks <= firmware::kMaxCycleChunks,
                 "what a cycle takes is replayed");
-  /// Datagrams up to that size are never cut for want of room: no device nor link makes larger ones.
+  /// A source of datagrams with less room than that left waits for the next cycle. No datagram is cut: the rest of a
+  /// large one is held by its port.
   static constexpr std::size_t kDatagram_bytes = 2048;
+
+  static constexpr std::size_t kReserve_bytes = 128;  ///< for add(), whatever else comes
 
   /// `share_bytes` per source: at most kMaxCycleBytes all together.
   ChunkBuffer(std::size_t sources, std::size_t share_bytes);
@@ -32,6 +35,10 @@ class ChunkBuffer {
   /// that arrive at the same time as those before go into the same chunk.
   bool read(hal::LinuxPort& port, std::size_t source, std::uint8_t number, base::TimeUs now_us,
             std::size_t limit_bytes = SIZE_MAX);
+  /// What the port still holds of a datagram, also beyond its share: at a cycle's end, when nobody else can use the
+  /// room any more. False: nothing held, or no room.
+  bool read_rest(hal::LinuxPort& port, std::size_t source, std::uint8_t number,
+                 base::TimeUs now_us);
   /// A chunk of the program's own. False: no room.
   bool add(std::uint8_t number, base::TimeUs t_us, const std::uint8_t* data, std::size_t size);
   /// Every chunk arrived at `t_us`: bytes that came on another clock.

@@ -106,8 +106,11 @@ void VehicleLoop::service(base::TimeUs now_us) {
 }
 
 void VehicleLoop::take_line(std::size_t index, base::TimeUs now_us) {
-  const bool spoke = chunks_.read(port(index), index, source_number(index), now_us);
-  link_spoke_ = link_spoke_ || (spoke && index == link_index());
+  bool spoke = false;
+  do {
+    spoke = chunks_.read(port(index), index, source_number(index), now_us);
+    link_spoke_ = link_spoke_ || (spoke && index == link_index());
+  } while (spoke && port(index).held_bytes() > 0);
 }
 
 std::size_t VehicleLoop::wait_set(bool only_link) {
@@ -126,6 +129,12 @@ std::size_t VehicleLoop::wait_set(bool only_link) {
 void VehicleLoop::gather(std::int64_t deadline_us, bool only_link,
                          const volatile std::sig_atomic_t& stop) {
   const std::sig_atomic_t stop_before = stop;
+  // What the cycle before had no room for is not announced again.
+  for (std::size_t i = only_link ? link_index() : 0; i < lines_.size(); ++i) {
+    if (port(i).held_bytes() > 0) {
+      take_line(i, monotonic_us());
+    }
+  }
   for (std::int64_t now_us = monotonic_us(); now_us < deadline_us && stop == stop_before;
        now_us = monotonic_us()) {
     const std::size_t count = wait_set(only_link);
@@ -137,6 +146,10 @@ void VehicleLoop::gather(std::int64_t deadline_us, bool only_link,
       }
       port(waiting_lines_[i]).service(arrival_us);
       take_line(waiting_lines_[i], arrival_us);
+    }
+  }
+  for (std::size_t i = only_link ? link_index() : 0; i < lines_.size(); ++i) {
+    while (chunks_.read_rest(port(i), i, source_number(i), monotonic_us())) {
     }
   }
   // Files cannot be waited for: they are read once a cycle.

@@ -27,6 +27,8 @@ using model::TileId;
 constexpr std::int32_t kSigmaVelocity_mm_s = 50;
 // A device that keeps UTC by the same pulse as the vehicle differs from it by what its line delays.
 constexpr TimeUs kSharedPulse_us = 20'000;
+// Edges are read this late at most.
+constexpr TimeUs kLateEdge_us = 1'000'000;
 constexpr std::int32_t kLongestLever_mm = 1'000'000;
 constexpr std::int32_t kLargestStep_mdb = 6000;
 // The largest hello without its texts takes 127.
@@ -443,7 +445,9 @@ void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
     take_uplink(chunk.data, size_bytes);
     return;
   }
-  const TimeUs t_us = base::clamp(chunk.t_arrival_us, before_us_, now_us_);
+  // The kernel's time of an edge that came while the cycle before was under way lies before that cycle.
+  const TimeUs oldest_us = is_line(chunk.port) ? before_us_ - kLateEdge_us : before_us_;
+  const TimeUs t_us = base::clamp(chunk.t_arrival_us, oldest_us, now_us_);
   counters_.chunk_time_clamped += t_us != chunk.t_arrival_us ? 1U : 0U;
   take_device_bytes(chunk.port, chunk.data, size_bytes,
                     t_us - config_.ports[chunk.port].latency_us);

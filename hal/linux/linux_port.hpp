@@ -35,6 +35,8 @@ class LinuxPort : public BytePort {
   /// Events to wait for: POLLIN, and POLLOUT while bytes are pending or a connection is under way.
   [[nodiscard]] virtual short poll_events() const = 0;
   /// A file whose end was reached by the last read(). Others: never.
+  /// Bytes that have arrived and that read() gives at once, without poll_fd() saying so: the rest of a datagram.
+  [[nodiscard]] virtual std::size_t held_bytes() const { return 0; }
   [[nodiscard]] virtual bool at_end() const { return false; }
   /// errno of the last call that failed, 0 when none did.
   [[nodiscard]] virtual int last_errno() const = 0;

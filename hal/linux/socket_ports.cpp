@@ -71,7 +71,7 @@ std::string resolve(const UriSpec& spec, SocketAddress* address) {
 // ---- UDP ----------------------------------------------------------------------------------------
 
 UdpPort::UdpPort(const SocketAddress& address, bool listen)
-    : address_(address), listen_(listen), has_peer_(!listen) {}
+    : address_(address), listen_(listen), has_peer_(!listen), held_(kLargest_bytes) {}
 
 UdpPort::~UdpPort() {
   if (fd_ >= 0) {
@@ -112,9 +112,9 @@ void UdpPort::service(base::TimeUs now_us) {
   }
 }
 
-long UdpPort::receive(std::uint8_t* out, std::size_t capacity) {
+long UdpPort::receive() {
   SocketAddress from;
-  iovec piece{out, capacity};
+  iovec piece{held_.data(), held_.size()};
   alignas(cmsghdr) std::array<std::uint8_t, 64> control{};
   msghdr message{};
   message.msg_name = &from.storage;
@@ -141,30 +141,40 @@ long UdpPort::receive(std::uint8_t* out, std::size_t capacity) {
   return size;
 }
 
+std::size_t UdpPort::take_held(std::uint8_t* out, std::size_t capacity) {
+  const std::size_t taken = held_bytes() < capacity ? held_bytes() : capacity;
+  std::memcpy(out, held_.data() + held_begin_, taken);
+  held_begin_ += taken;
+  counters_.bytes_in += taken;
+  return taken;
+}
+
+// A datagram may be larger than what its reader has room for in one go (an image of 34 KB, and a cycle's share): the
+// rest comes with the next reads.
 std::size_t UdpPort::read(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity,
                           base::TimeUs& t_arrival_us) {
   if (fd_ < 0 || capacity == 0) {
     return 0;
   }
   // Twice: an empty datagram and a report of a refusal are nothing, and hide what is behind them.
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    const long size = receive(out, capacity);
+  for (int attempt = 0; attempt < 2 && held_bytes() == 0; ++attempt) {
+    const long size = receive();
     if (size > 0) {
-      const std::size_t whole = static_cast<std::size_t>(size);
-      const std::size_t taken = whole < capacity ? whole : capacity;
-      counters_.bytes_in += taken;
-      counters_.bytes_dropped_in += whole - taken;
-      t_arrival_us = now_us;
-      return taken;
-    }
-    if (size < 0 && would_block(errno)) {
+      const auto whole = static_cast<std::size_t>(size);
+      held_begin_ = 0;
+      held_end_ = whole < held_.size() ? whole : held_.size();
+      counters_.bytes_dropped_in += whole - held_end_;
+    } else if (size < 0 && would_block(errno)) {
       return 0;
-    }
-    if (size < 0) {
+    } else if (size < 0) {
       note_error(errno);
     }
   }
-  return 0;
+  if (held_bytes() == 0) {
+    return 0;
+  }
+  t_arrival_us = now_us;
+  return take_held(out, capacity);
 }
 
 std::size_t UdpPort::write_room() const { return fd_ >= 0 && has_peer_ ? kLargest_bytes : 0; }

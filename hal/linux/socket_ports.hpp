@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -46,6 +47,7 @@ class UdpPort final : public LinuxPort {
   [[nodiscard]] short poll_events() const override;
   [[nodiscard]] int last_errno() const override { return errno_; }
   [[nodiscard]] std::uint32_t kernel_drops() const override { return kernel_drops_; }
+  [[nodiscard]] std::size_t held_bytes() const override { return held_end_ - held_begin_; }
   [[nodiscard]] bool datagrams() const override { return true; }
   [[nodiscard]] std::uint16_t local_port() const override;
 
@@ -54,7 +56,8 @@ class UdpPort final : public LinuxPort {
 
   [[nodiscard]] bool open_now();
   void note_error(int number);
-  [[nodiscard]] long receive(std::uint8_t* out, std::size_t capacity);
+  [[nodiscard]] long receive();
+  [[nodiscard]] std::size_t take_held(std::uint8_t* out, std::size_t capacity);
 
   SocketAddress address_;
   bool listen_;
@@ -63,6 +66,9 @@ class UdpPort final : public LinuxPort {
   int fd_ = -1;
   int errno_ = 0;
   std::uint32_t kernel_drops_ = 0;
+  std::vector<std::uint8_t> held_;  ///< the newest datagram, of which [begin, end) is not read yet
+  std::size_t held_begin_ = 0;
+  std::size_t held_end_ = 0;
   Backoff backoff_;
   PortCounters counters_{};
 };

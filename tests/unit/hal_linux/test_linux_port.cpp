@@ -297,10 +297,18 @@ TEST(udp_sends_to_one_and_hears_it_answer) {
   TimeUs t_us = 0;
   assert_int_equal(server->read(now_us, buffer.data(), buffer.size(), t_us), 3);
   assert_int_equal(server->read(now_us, buffer.data(), buffer.size(), t_us), 3);
-  // What does not fit is lost with its datagram, and counted.
+  // What does not fit is held for the next reads, and not mixed with the next datagram.
   put(*client, "0123456789");
+  put(*client, "next");
+  assert_int_equal(server->held_bytes(), 0);
   assert_int_equal(server->read(now_us, buffer.data(), 4, t_us), 4);
-  assert_int_equal(server->counters().bytes_dropped_in, 6);
+  assert_int_equal(server->held_bytes(), 6);
+  assert_int_equal(server->read(now_us, buffer.data(), 4, t_us), 4);
+  assert_int_equal(server->read(now_us, buffer.data(), buffer.size(), t_us), 2);
+  assert_int_equal(buffer[1], '9');
+  assert_int_equal(server->held_bytes(), 0);
+  assert_int_equal(server->read(now_us, buffer.data(), buffer.size(), t_us), 4);
+  assert_int_equal(server->counters().bytes_dropped_in, 0);
   // An empty datagram is nothing and hides nothing.
   put(*client, "");
   put(*client, "after");
