@@ -18,10 +18,10 @@ inline constexpr int kMinProfileBins = 8;
 
 struct EchoDetectorConfig {
   /// LocalizationTable::detection_fraction_q16 of the head's table; 0 counts as 1.
-  std::uint16_t detection_fraction_q16;
-  std::int64_t min_range_um;     ///< bins centred nearer are blanked: ring-down
-  std::int64_t max_range_um;     ///< bins centred farther are left out
-  std::uint8_t max_returns = 1;  ///< 1 .. kMaxReturns; 0 counts as 1
+  std::uint16_t detection_fraction_q16 = 0;
+  std::int64_t min_range_um = 0;  ///< bins centred nearer are blanked: ring-down
+  std::int64_t max_range_um = 0;  ///< bins centred farther are left out
+  std::uint8_t max_returns = 1;   ///< 1 .. kMaxReturns; 0 counts as 1
   /// A return stands at least this part of the range behind the one before it: what is nearer may be
   /// another part of the same surface.
   std::uint32_t apart_q16 = 0;

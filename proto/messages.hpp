@@ -91,7 +91,7 @@ struct Hello {
 /// A hello without tables and with both texts empty.
 inline constexpr std::size_t kLeastHello_bytes = 88;
 inline constexpr std::size_t kMaxHello_bytes =
-    kLeastHello_bytes + 4 * kMaxHelloTables + 2 * kMaxHelloText_bytes;
+    kLeastHello_bytes + std::size_t{4} * kMaxHelloTables + 2 * kMaxHelloText_bytes;
 
 /// Sets the texts (null is ""; at most kMaxHelloText_bytes of each are read), as much of them as a payload
 /// of `payload_bytes` has room for beside the rest of the hello: first the datum, which every depth needs, then

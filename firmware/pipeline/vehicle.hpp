@@ -345,19 +345,19 @@ class Vehicle {
   PingQueue pending_;
   base::Ping ready_{};   ///< the oldest pending ping, its echo detected
   base::Ping unbent_{};  ///< the same before its way through the water was made straight
-  bool has_ready_ = false;
   model::LaterReturn behind_[model::kMaxReturns - 1] = {};  ///< its returns behind the first
-  int behind_count_ = 0;
   std::int64_t clear_um_ = base::kMaxRange_um;  ///< up to where the ready ping heard nothing
-  std::uint32_t ping_bound_ = 0;                ///< voxels of one ping with all its returns
   // A map larger than memory.
   TilePager pager_;
-  bool holding_ = false;  ///< it waits for voxels
   base::TimeUs held_since_us_ = 0;
-  base::TimeUs track_us_ = 0;  ///< when the vehicle was at track_
+  base::TimeUs track_us_ = 0;      ///< when the vehicle was at track_
+  std::int32_t track_[2] = {};     ///< north, east in cells
+  std::int32_t speed_q8_[2] = {};  ///< cells a second
+  std::uint32_t ping_bound_ = 0;   ///< voxels of one ping with all its returns
+  int behind_count_ = 0;           ///< of behind_
+  bool has_ready_ = false;
+  bool holding_ = false;  ///< the ready ping waits for voxels
   bool has_track_ = false;
-  std::int32_t track_[2] = {};                                    ///< north, east in cells
-  std::int32_t speed_q8_[2] = {};                                 ///< cells a second
   bool has_pps_ = false;                                          ///< a port of role "pps" is there
   std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
