@@ -325,11 +325,9 @@ class Vehicle {
   void count_levels();
 
   VehicleConfig config_{};
-  bool configured_ = false;
   base::TimeUs now_us_ = 0;
   base::TimeUs before_us_ = 0;  ///< of the cycle before
-  bool first_cycle_ = true;
-  std::uint32_t tick_ = 0;  ///< now_us_ >> 15: the clock of ages
+  std::uint32_t tick_ = 0;      ///< now_us_ >> 15: the clock of ages
   VehicleCounters counters_{};
   model::Model model_;
   std::uint32_t table_crc_[proto::kMaxHelloTables] = {};
@@ -355,10 +353,6 @@ class Vehicle {
   std::int32_t speed_q8_[2] = {};  ///< cells a second
   std::uint32_t ping_bound_ = 0;   ///< voxels of one ping with all its returns
   int behind_count_ = 0;           ///< of behind_
-  bool has_ready_ = false;
-  bool holding_ = false;  ///< the ready ping waits for voxels
-  bool has_track_ = false;
-  bool has_pps_ = false;                                          ///< a port of role "pps" is there
   std::array<std::uint16_t, model::kMaxProfileBins> energies_{};  ///< of the profile looked at
   std::array<MappedPing, kMappedKept_count> mapped_{};
   std::size_t mapped_count_ = 0;
@@ -367,14 +361,12 @@ class Vehicle {
   SurfaceReference surface_[kMaxPorts];     ///< of ports with kPortZeroAtSurface
   estimator::UtcClock utc_clock_;
   estimator::PingSync ping_sync_[kMaxMounts];
-  bool wet_[kMaxPorts] = {};  ///< leak switches
   TileSet stale_;
   TileSet unsent_;
   LinkMap link_map_;
   LinkLedger ledger_;
   std::array<FrameTile, proto::kMaxPacketTiles> frame_tiles_{};  ///< of the frame being filled
   LookedAt looked_at_{};
-  bool vehicle_tile_known_ = false;
   std::int32_t vehicle_row_ = 0;  ///< of tiles, perhaps outside the grid
   std::int32_t vehicle_column_ = 0;
   proto::TileRange digest_asked_{};  ///< count 0: none
@@ -384,10 +376,19 @@ class Vehicle {
   Watch watch_{};
   HostReport host_{};              ///< the newest; port_count 0 while there is none
   std::uint32_t alarms_said_ = 0;  ///< bits that a text has reported
-  bool frame_waits_ = false;       ///< hello, status or text found no room in this cycle
   std::uint32_t texts_due_ = 0;    ///< bits that a text is owed for
   std::array<std::uint8_t, proto::kMaxPayload_bytes> payload_{};
   std::array<std::uint8_t, kRequestCapacity_bytes> requests_[kMaxPorts] = {};
+  // Together, so that they pad nothing.
+  bool wet_[kMaxPorts] = {};  ///< leak switches
+  bool configured_ = false;
+  bool first_cycle_ = true;
+  bool has_ready_ = false;           ///< ready_ holds a ping
+  bool holding_ = false;             ///< the ready ping waits for voxels
+  bool has_track_ = false;           ///< track_ holds a place
+  bool has_pps_ = false;             ///< a port of role "pps" is there
+  bool vehicle_tile_known_ = false;  ///< vehicle_row_ and vehicle_column_ hold a tile
+  bool frame_waits_ = false;         ///< hello, status or text found no room in this cycle
 };
 
 }  // namespace leadline::firmware
