@@ -787,7 +787,7 @@ void Vehicle::page_tiles(StoreOutput& output) {
     std::int32_t here[2] = {};
     for (int axis = 0; axis < 2; ++axis) {
       const std::int64_t offset_um = pose.position_um[axis] - config_.model.origin_mm[axis] * 1000;
-      constexpr std::int64_t kFar_cells = 4 * model::kMaxSideCells;
+      constexpr std::int64_t kFar_cells = std::int64_t{4} * model::kMaxSideCells;
       here[axis] = static_cast<std::int32_t>(base::clamp<std::int64_t>(
           offset_um / (static_cast<std::int64_t>(config_.model.cell_mm) * 1000), -kFar_cells,
           kFar_cells));
