@@ -42,12 +42,12 @@ echo "== a short flight replays to the same bits on both boards, and costs the s
 "$leadline" simulate --set north_count=32 --set east_count=32 --set shallowest_depth_m=12 \
   --set relief_cells=8 --out "$scratch/flight" >/dev/null
 log=$(ls "$scratch"/flight/*.lll)
-desk=$("$leadline" replay "$log" | head -n 1)
+desk=$("$leadline" replay "$log")
 for board in an500 stm32h743; do
-  line=$("$root/toolchain/m7.sh" --board $board replay "$log")
+  line=$("$root/toolchain/m7.sh" --board $board replay "$log") || true  # what is wrong shows below
   echo "$board: $line"
   for field in map_hash link_hash cells_hash; do
-    value=$(grep -o "$field=0x[0-9a-f]*" <<<"$desk")
+    value=$(grep -om1 "$field=0x[0-9a-f]*" <<<"$desk")
     grep -q "$value" <<<"$line" || fail "$board: not $value of $desk"
   done
   grep -q 'same_as_flight=true' <<<"$line" || fail "$board: not the flight's result"
