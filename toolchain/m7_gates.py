@@ -33,13 +33,13 @@ FORBIDDEN = re.compile(
 
 # Who calls through a pointer, and whom (both by demangled name): a class's static tables.
 POINTERS = [
-    (r"^leadline::firmware::DevicePort::(configure|configure_default)\(",
+    (r"^leadline::firmware::PortCodec::(configure|configure_decoding)\(",
      r"Calls<.*>::(make|make_default)\("),
-    (r"^leadline::firmware::DevicePort::feed\(", r"Calls<.*>::feed\("),
-    (r"^leadline::firmware::DevicePort::next\(", r"Calls<.*>::(next|sample)\("),
-    (r"^leadline::firmware::DevicePort::request\(", r"Calls<.*>::request\("),
-    (r"^leadline::firmware::DevicePort::restart\(", r"Calls<.*>::restart\("),
-    (r"^leadline::firmware::DevicePort::(counters|rejected)\(", r"Calls<.*>::counters\("),
+    (r"^leadline::firmware::PortCodec::feed\(", r"Calls<.*>::feed\("),
+    (r"^leadline::firmware::PortCodec::next\(", r"Calls<.*>::(next|sample)\("),
+    (r"^leadline::firmware::PortCodec::request\(", r"Calls<.*>::request\("),
+    (r"^leadline::firmware::PortCodec::restart\(", r"Calls<.*>::restart\("),
+    (r"^leadline::firmware::PortCodec::(counters|rejected)\(", r"Calls<.*>::counters\("),
     (r"^leadline::hal::KellerCodec::next\(", r"^leadline::hal::.*judge_(modbus|keller_bus)\("),
     (r"^leadline_reset$", r"^_GLOBAL__sub_I_|^global constructors"),
 ]
