@@ -287,7 +287,8 @@ TEST(a_yacht_s_sentences) {
       // Number of the field that may be empty.
       {"DBT", {3, NavKind::kAltitude}}, {"HDT", {1, NavKind::kHeading}},
       {"HDM", {1, NavKind::kHeading}},  {"GLL", {1, NavKind::kPosition}},
-      {"VTG", {1, NavKind::kVelocity}}, {"VHW", {5, NavKind::kVelocity}}};
+      {"VTG", {1, NavKind::kVelocity}}, {"VHW", {5, NavKind::kVelocity}},
+      {"ZDA", {4, NavKind::kTime}}};
   std::int64_t t_us = 0;
   for (const std::string& line : lines_of("nmea_signalk/plaka_first_half.log")) {
     const std::string name = line.size() > 6 ? line.substr(3, 3) : "";
@@ -313,5 +314,8 @@ TEST(a_yacht_s_sentences) {
     }
   }
   assert_int_equal(expected["HDT"], 7091);
+  // This plotter leaves the date out: a time of day names no second.
+  assert_int_equal(expected["ZDA"], 3545);
+  assert_int_equal(expected["ZDA filled"], 0);
   assert_int_equal(codec.counters().bad_checksum + codec.counters().bad_field, 0);
 }
