@@ -16,7 +16,7 @@ void PingQueue::clear() {
   profiles_ = 0;
 }
 
-Status PingQueue::push(const Ping& ping) {
+Status PingQueue::push(const Ping& ping, base::TimeUs now_us) {
   const std::size_t bins = ping.kind == ReturnKind::kProfile ? ping.profile.bin_count : 0;
   if (ping.kind == ReturnKind::kProfile &&
       (bins == 0 || ping.profile.intensity == nullptr || bins > kBinCapacity_count)) {
@@ -47,7 +47,9 @@ Status PingQueue::push(const Ping& ping) {
     bin_end_ = start + bins;
     ++profiles_;
   }
-  pings_[(first_ + count_) % kCapacity_count] = copy;
+  const std::size_t place = (first_ + count_) % kCapacity_count;
+  pings_[place] = copy;
+  since_us_[place] = now_us;
   ++count_;
   return Status::kOk;
 }

@@ -7,6 +7,7 @@
 
 #include "model/base/ping.hpp"
 #include "model/base/status.hpp"
+#include "model/base/units.hpp"
 #include "model/capacity.hpp"
 
 namespace leadline::firmware {
@@ -26,17 +27,20 @@ class PingQueue {
   PingQueue& operator=(const PingQueue&) = delete;
 
   void clear();
-  /// Copies the ping and its intensities. kFull: no room for either now, nothing changed; pop the oldest
+  /// Copies the ping and its intensities; `now_us` is when it came. kFull: no room for either now, nothing changed; pop the oldest
   /// and try again. kOutOfRange: a profile without bins, or one that never fits.
-  [[nodiscard]] base::Status push(const base::Ping& ping);
+  [[nodiscard]] base::Status push(const base::Ping& ping, base::TimeUs now_us);
   [[nodiscard]] bool empty() const { return count_ == 0; }
   [[nodiscard]] std::size_t size() const { return count_; }
   /// The oldest; its span is valid until it is popped. Not to be called when empty.
   [[nodiscard]] const base::Ping& front() const { return pings_[first_]; }
+  /// When the oldest came. Not to be called when empty.
+  [[nodiscard]] base::TimeUs front_since_us() const { return since_us_[first_]; }
   void pop();
 
  private:
   std::array<base::Ping, kCapacity_count> pings_{};
+  std::array<base::TimeUs, kCapacity_count> since_us_{};
   std::array<std::uint16_t, kBinCapacity_count> bins_{};
   std::size_t first_ = 0;
   std::size_t count_ = 0;

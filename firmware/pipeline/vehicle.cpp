@@ -548,13 +548,13 @@ void Vehicle::take_ping(std::uint8_t port, Ping& ping) {
     const TimeUs own_us = beam_stamp(clocks_[port], ping.t_device_us, ping.t_transmit_us);
     move_to(by_utc(port, ping.t_device_us, own_us), ping);
   }
-  Status status = pending_.push(ping);
+  Status status = pending_.push(ping, now_us_);
   // The oldest give way: a map of where the vehicle is beats one of where it was.
   while (status == Status::kFull) {
     pending_.pop();
     has_ready_ = false;
     lose(PingLoss::kShed);
-    status = pending_.push(ping);
+    status = pending_.push(ping, now_us_);
   }
   if (status != Status::kOk) {
     lose(PingLoss::kBad);
@@ -723,7 +723,16 @@ void Vehicle::map_pings() {
   std::uint32_t written = 0;
   bool any = false;
   mapped_count_ = 0;
+  // What the budget kept waiting for too long gives way, or a deep queue would show the pilot the past.
+  const TimeUs longest_us = config_.navigation.max_wait_us + kLongestQueue_us;
   while (!pending_.empty()) {
+    if (now_us_ - pending_.front_since_us() > longest_us) {
+      lose(PingLoss::kShed);
+      pending_.pop();
+      has_ready_ = false;
+      holding_ = false;
+      continue;
+    }
     // One ping goes through whatever the budget is, or nothing ever would.
     if (any && config_.cycle_voxel_budget != 0 &&
         static_cast<std::uint64_t>(written) + ping_bound_ > config_.cycle_voxel_budget) {

@@ -84,9 +84,13 @@ struct TableBlock {
   std::size_t size_bytes;
 };
 
+/// A ping waits no longer for its turn, beyond what it may wait for its pose.
+inline constexpr base::TimeUs kLongestQueue_us = 2'000'000;
+
 /// Why a ping that a codec delivered did not reach the model.
 enum class PingLoss : std::uint8_t {
-  kShed = 0,        ///< the queue was full: the oldest gave way
+  kShed =
+      0,  ///< the oldest of a full queue, or it waited for longer than max_wait_us and kLongestQueue_us
   kNoPose = 1,      ///< no pose came within max_wait_us, or the ping is older than all poses
   kPoseGap = 2,     ///< poses on its two sides are too far apart
   kPoseEpoch = 3,   ///< navigation jumped during the ping

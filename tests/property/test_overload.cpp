@@ -115,9 +115,11 @@ TEST(what_is_too_much_is_shed_and_the_rest_waits_no_longer) {
   // Nine of ten cannot be mapped; nearly every cycle maps one once there are poses.
   assert_true(shed > counters.pings_in / 10 * 8);
   assert_true(counters.pings_mapped > counters.pings_in / kTooFast / 2);
-  // Flat: the queue's length over the rate at which pings come, and the ping's own listening and a cycle.
-  const TimeUs queue_us =
-      static_cast<TimeUs>(PingQueue::kCapacity_count / kTooFast + 1) * options.cycle_us;
+  // Flat: what a ping may wait, or the queue's length over the rate at which pings come where that is less, and
+  // the ping's own listening and a cycle.
+  const TimeUs queue_us = std::min<TimeUs>(
+      config.navigation.max_wait_us + leadline::firmware::kLongestQueue_us,
+      static_cast<TimeUs>(PingQueue::kCapacity_count / kTooFast + 1) * options.cycle_us);
   for (std::size_t i = 1; i < kTenths; ++i) {
     assert_true(longest_us[i] > 0);
     assert_true(longest_us[i] <= queue_us + 100'000);

@@ -56,7 +56,7 @@ TEST(the_queue_keeps_order_and_intensities) {
       if (!bins.empty()) {
         ping = profile_ping(i, bins);
       }
-      const Status status = queue.push(ping);
+      const Status status = queue.push(ping, 0);
       if (status == Status::kOk) {
         shadow.emplace_back(ping, bins);
       } else {
@@ -84,16 +84,16 @@ TEST(the_queue_refuses_what_never_fits) {
   queue.clear();
   queue.pop();
   std::vector<std::uint16_t> none;
-  assert_int_equal(queue.push(profile_ping(0, none)), Status::kOutOfRange);
+  assert_int_equal(queue.push(profile_ping(0, none), 0), Status::kOutOfRange);
   Ping ping{};
   ping.kind = ReturnKind::kProfile;
   ping.profile.bin_count = 10;
-  assert_int_equal(queue.push(ping), Status::kOutOfRange);
+  assert_int_equal(queue.push(ping, 0), Status::kOutOfRange);
   ping.kind = ReturnKind::kRange;
   for (std::size_t i = 0; i < PingQueue::kCapacity_count; ++i) {
-    assert_int_equal(queue.push(ping), Status::kOk);
+    assert_int_equal(queue.push(ping, 0), Status::kOk);
   }
-  assert_int_equal(queue.push(ping), Status::kFull);
+  assert_int_equal(queue.push(ping, 0), Status::kFull);
 }
 
 TEST(tiles_go_by_weight_and_none_waits_for_ever) {
