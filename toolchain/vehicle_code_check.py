@@ -18,7 +18,7 @@ import sys
 
 # Copies of bytes; what compilers make of integer arithmetic and of 16-bit switches; assertions of debug builds.
 ALLOWED = re.compile(
-    r"^(mem(cpy|move|set|cmp|chr)|str(len|cmp|ncmp|chr)|__stack_chk_(fail|guard)|__assert_fail|__assert_func"
+    r"^(mem(cpy|move|set|cmp|chr)|bcmp|str(len|cmp|ncmp|chr)|__stack_chk_(fail|guard)|__assert_fail|__assert_func"
     r"|__(u?(div|mod|divmod)[sdt]i[34]?|mul[sdt]i3|ash[lr][sdt]i3|lshr[sdt]i3|clz[sdt]i2|ctz[sdt]i2|popcount[sdt]i2|bswap[sd]i2)"
     r"|__aeabi_(u?(i|l)divmod|u?idiv|lmul|llsl|llsr|lasr|u?lcmp|(u?)l2f|f2(u?)lz|mem(cpy|move|set|clr)[48]?|unwind_cpp_pr[01])"
     r"|__float(un)?di[sd]f|__fix(uns)?sf[sd]i|__gnu_thumb1_case_\w+|_GLOBAL_OFFSET_TABLE_|__dso_handle"
