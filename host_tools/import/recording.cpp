@@ -196,6 +196,10 @@ class PingViewerRecording : public Recording {
       const base::TimeUs before_us = last_us_ - day_us_;
       day_us_ += *time_us + kDay_us / 2 < before_us ? kDay_us : 0;
       last_us_ = day_us_ + *time_us;
+      if (size == 0) {
+        ++rejected_["empty_record"];
+        continue;
+      }
       piece->t_us = last_us_;
       piece->bytes.assign(source_.data(), source_.data() + size);
       source_.skip(size);

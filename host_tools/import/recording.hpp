@@ -27,7 +27,7 @@
 
 namespace leadline::host {
 
-/// A piece of a recording: bytes that arrived together.
+/// A piece of a recording: bytes that arrived together, at least one.
 struct RecordedBytes {
   std::optional<base::TimeUs> t_us;  ///< the recording's own clock
   std::vector<std::uint8_t> bytes;
