@@ -517,7 +517,8 @@ void Vehicle::fill_status(proto::Status& status) const {
 
 std::uint32_t Vehicle::alarms_now() const {
   std::uint32_t alarms = watch_.paused ? proto::kAlarmMappingPaused : 0U;
-  alarms |= host_.alarms & (proto::kAlarmPortLost | proto::kAlarmRecorderLost);
+  alarms |=
+      host_.alarms & (proto::kAlarmPortLost | proto::kAlarmRecorderLost | proto::kAlarmRestarted);
   const auto raise = [&alarms](bool condition, std::uint32_t bit) {
     alarms |= condition ? bit : 0U;
   };
