@@ -3,6 +3,7 @@
 #include "model/base/fixed.hpp"
 #include "model/capacity.hpp"
 #include "model/column_kernels.hpp"
+#include "model/cone_column.hpp"
 
 namespace leadline::model {
 namespace {
@@ -410,31 +411,7 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
 }
 
 std::uint32_t peak_gain_q8(std::uint32_t growth_q24, std::uint32_t share_q16) {
-  // m^-1.5 at m = 1 + i / 32, Q15.
-  static constexpr std::uint16_t kPower_q15[33] = {
-      32768, 31290, 29920, 28647, 27461, 26356, 25322, 24354, 23447, 22594, 21792,
-      21036, 20323, 19650, 19012, 18409, 17837, 17293, 16777, 16286, 15819, 15373,
-      14948, 14542, 14154, 13784, 13429, 13089, 12763, 12450, 12150, 11862, 11585};
-  constexpr std::uint32_t kRootTwo_q15 = 46341;
-  constexpr std::uint32_t kMostHalvings = 8;  // 2^(1.5 * 8) = 4096
-  const std::uint64_t share = min_of<std::uint32_t>(share_q16, 65536);
-  const auto square_q24 = static_cast<std::uint32_t>((share * share) >> 8U);
-  const auto kept_q24 = static_cast<std::uint32_t>(
-      (static_cast<std::uint64_t>(growth_q24) * ((1U << 24U) - square_q24)) >> 24U);
-  const std::uint32_t v_q24 = max_of<std::uint32_t>((1U << 24U) - kept_q24, 1);
-  // v = m 2^-halvings with 1 <= m < 2.
-  const auto halvings = static_cast<std::uint32_t>(base::leading_zeros(v_q24)) - 7U;
-  if (halvings > kMostHalvings) {
-    return 4096U << 8U;
-  }
-  const std::uint32_t over_q24 = (v_q24 << halvings) - (1U << 24U);
-  const std::uint32_t index = over_q24 >> 19U;
-  const std::uint32_t fraction_q19 = over_q24 & ((1U << 19U) - 1U);
-  const std::uint32_t step = kPower_q15[index] - kPower_q15[min_of<std::uint32_t>(index + 1, 32)];
-  const std::uint32_t power_q15 = kPower_q15[index] - ((step * fraction_q19) >> 19U);
-  const std::uint32_t odd_q15 =
-      (halvings & 1U) != 0 ? (power_q15 * kRootTwo_q15) >> 15U : power_q15;
-  return (odd_q15 << ((3U * halvings) >> 1U)) >> 7U;
+  return peak_gain_inline_q8(growth_q24, share_q16);
 }
 
 std::int32_t cone_growth_q20(std::int32_t tan_q20, std::int32_t range_q10) {
@@ -461,12 +438,14 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
     cone.heading_east_q20 = 0;
   }
   cone.growth_q20 = cone_growth_q20(scale.cone_tan_q20, range_q10);
+  cone.touch_growth_q20 = static_cast<std::int32_t>(mul_shift(cone.growth_q20, kTouch_q10, 10));
   cone.range_q10 = range_q10;
   cone.radius_q10 =
       kTouch_q10 + static_cast<std::int32_t>(mul_shift(cone.growth_q20, range_q10, 20));
   const std::int64_t growth_down_q30 = mul_shift(cone.growth_q20, cone.down_q30, 20);
   cone.a_q30 = mul_shift(cone.horizontal_q30, cone.horizontal_q30, 30) -
                mul_shift(growth_down_q30 >> 4, growth_down_q30 >> 4, 22);
+  cone.a_q24 = static_cast<std::int32_t>(cone.a_q30 >> 6);
   // 1/4096: a flatter axis leaves its end upright, which over a radius of 40 cells is a hundredth of one.
   cone.inverse_a_q16 = cone.a_q30 > -(1 << 20) && cone.a_q30 < (1 << 20)
                            ? 0
@@ -489,51 +468,23 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   return cone;
 }
 
-namespace {
-
-// Depths beyond any grid are as good as infinite.
-template <typename Term>
-std::int32_t limited_q10(std::int64_t depth_q10) {
-  return static_cast<std::int32_t>(
-      clamp<Term>(static_cast<Term>(depth_q10), Term{-kFar_q10}, Term{kFar_q10}));
-}
-
-// C / q, limited likewise.
-std::int32_t limited_ratio_q10(std::int64_t c_q20, std::int64_t q_q20) {
-  return limited_q10<std::int64_t>(c_q20 * (1 << 10) / q_q20);
-}
-std::int32_t limited_ratio_q10(std::int64_t c_q20, std::int32_t q_q20) {
-  const bool negative = (c_q20 < 0) != (q_q20 < 0);
-  const auto c = static_cast<std::uint64_t>(c_q20 < 0 ? -c_q20 : c_q20) << 10U;
-  const auto q = static_cast<std::uint32_t>(q_q20 < 0 ? -q_q20 : q_q20);
-  // 2^26 at least: as good as infinite, and what is less has a quotient of 32 bits.
-  const std::int32_t size =
-      (c >> 26U) >= q ? kFar_q10 : static_cast<std::int32_t>(base::quotient_u32(c, q));
-  return negative ? -size : size;
-}
-
-// `Term` holds B and its parts: 32 bits where the cone is narrow, which is most of the time. There lengths are
-// below 2^18, q below 2^30, and every depth below 2^31 before it is limited.
-template <typename Term>
-ColumnSpan cone_span_of(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10) {
+ColumnSpan wide_cone_span(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10) {
   constexpr ColumnSpan kOutside{1, 0};
   // |x| < 16000 cells: p_q20 below 2^34.
-  const auto p_q20 = static_cast<Term>(mul_shift(cone.horizontal_q30, x_q10, 20));
-  const auto gp_q20 = static_cast<Term>(mul_shift(cone.growth_q20, p_q20, 20));
+  const std::int64_t p_q20 = mul_shift(cone.horizontal_q30, x_q10, 20);
+  const std::int64_t gp_q20 = mul_shift(cone.growth_q20, p_q20, 20);
   // (1 + g^2) p below 2^38: 8000 cells of an 80 degree beam.
-  const auto b_q20 = static_cast<Term>(mul_shift(
-      cone.down_q30 >> 6,
-      static_cast<Term>(p_q20 + static_cast<Term>(mul_shift(cone.growth_q20, gp_q20, 20)) +
-                        static_cast<Term>(mul_shift(cone.growth_q20, kTouch_q10, 10))),
-      24));
+  const std::int64_t b_q20 =
+      mul_shift(cone.down_q30 >> 6,
+                p_q20 + mul_shift(cone.growth_q20, gp_q20, 20) + cone.touch_growth_q20, 24);
   // Lengths of 32 bits from here on: the radius is below 2^26, of a point beyond the cone's end below 2^29.
   const auto sx_q10 = static_cast<std::int32_t>(mul_shift(cone.down_q30, x_q10, 30));
   const auto radius_q10 = static_cast<std::int32_t>(kTouch_q10 + (gp_q20 >> 10));
   const std::int64_t c_q20 = mul_shift(sx_q10, sx_q10, 0) + mul_shift(y_q10, y_q10, 0) -
                              mul_shift(radius_q10, radius_q10, 0);
-  const auto b_short = static_cast<Term>(b_q20 >> cone.drop);
+  const std::int64_t b_short = b_q20 >> cone.drop;
   std::int64_t disc_q40 =
-      mul_shift(b_short, b_short, 0) - mul_shift(cone.a_q30 >> 6, c_q20 >> (2 * cone.drop), 4);
+      mul_shift(b_short, b_short, 0) - mul_shift(cone.a_q24, c_q20 >> (2 * cone.drop), 4);
   if (disc_q40 < 0) {
     if (cone.a_q30 >= 0) {
       return kOutside;
@@ -542,18 +493,18 @@ ColumnSpan cone_span_of(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10
     // discriminant, g^2 times the squared offset, is a small difference that rounding turns negative.
     disc_q40 = 0;
   }
-  const auto root_q20 = static_cast<Term>(
-      static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40))) << cone.drop);
+  const auto root_q20 = static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(disc_q40)))
+                        << cone.drop;
   // The two roots without cancellation: q / A and C / q.
-  const auto q_q20 = static_cast<Term>(b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20);
-  const std::int32_t one_q10 = q_q20 == 0 ? 0 : limited_ratio_q10(c_q20, q_q20);
+  const std::int64_t q_q20 = b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20;
+  const std::int32_t one_q10 = q_q20 == 0 ? 0 : limited_q10(c_q20 * (1 << 10) / q_q20);
   // |q| < 2^39 (8000 cells of an 80 degree beam), 1/A < 2^26: less 6 bits, below 2^59. Close to the
   // vertical A is small and worth a division.
   std::int32_t other_q10 = (q_q20 >= 0) == (cone.a_q30 >= 0) ? kFar_q10 : -kFar_q10;
   if (cone.inverse_a_q16 != 0) {
-    other_q10 = limited_q10<Term>(mul_shift(q_q20 >> 6, cone.inverse_a_q16, 20));
+    other_q10 = limited_q10(mul_shift(q_q20 >> 6, cone.inverse_a_q16, 20));
   } else if (cone.a_q30 <= -16 || cone.a_q30 >= 16) {
-    other_q10 = limited_q10<std::int64_t>(mul_shift(q_q20, 1 << 20, 0) / cone.a_q30);
+    other_q10 = limited_q10(mul_shift(q_q20, 1 << 20, 0) / cone.a_q30);
   }
   ColumnSpan span{min_of(one_q10, other_q10), max_of(one_q10, other_q10)};
   if (cone.a_q30 < 0) {
@@ -564,9 +515,9 @@ ColumnSpan cone_span_of(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10
   // Slant distance p + s z between the transducer and the end.
   const auto p_q10 = static_cast<std::int32_t>(p_q20 >> 10);
   if (cone.inverse_down_q12 != 0) {
-    const std::int32_t at_start = limited_q10<Term>(mul_shift(-p_q10, cone.inverse_down_q12, 12));
+    const std::int32_t at_start = limited_q10(mul_shift(-p_q10, cone.inverse_down_q12, 12));
     const std::int32_t at_end =
-        limited_q10<Term>(mul_shift(cone.range_q10 - p_q10, cone.inverse_down_q12, 12));
+        limited_q10(mul_shift(cone.range_q10 - p_q10, cone.inverse_down_q12, 12));
     span.top_q10 = max_of(span.top_q10, min_of(at_start, at_end));
     span.bottom_q10 = min_of(span.bottom_q10, max_of(at_start, at_end));
   } else if (p_q10 < 0 || p_q10 > cone.range_q10) {
@@ -575,11 +526,8 @@ ColumnSpan cone_span_of(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10
   return span;
 }
 
-}  // namespace
-
 ColumnSpan cone_span(const Cone& cone, std::int32_t x_q10, std::int32_t y_q10) {
-  return cone.narrow ? cone_span_of<std::int32_t>(cone, x_q10, y_q10)
-                     : cone_span_of<std::int64_t>(cone, x_q10, y_q10);
+  return cone_span_inline(cone, x_q10, y_q10);
 }
 
 }  // namespace leadline::model

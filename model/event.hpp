@@ -126,8 +126,10 @@ struct Cone {
   std::int32_t down_q30;           ///< s, -1..1
   std::int32_t heading_north_q20;  ///< unit vector of the axis' horizontal direction
   std::int32_t heading_east_q20;
-  std::int32_t growth_q20;  ///< at most 5.7: 80 degrees
+  std::int32_t growth_q20;        ///< at most 5.7: 80 degrees
+  std::int32_t touch_growth_q20;  ///< g kTouch
   std::int64_t a_q30;
+  std::int32_t a_q24;          ///< A again: below 2^29
   std::int32_t inverse_a_q16;  ///< 1 / A, 0 when |A| is below 2^-10
   std::int32_t range_q10;
   std::int32_t radius_q10;        ///< at the far end, the largest: below 2^26

@@ -1,6 +1,9 @@
 // Model::integrate and what it consists of: sighting, slope feedback, shell, cone.
+#include <type_traits>
+
 #include "model/base/fixed.hpp"
 #include "model/column_kernels.hpp"
+#include "model/cone_column.hpp"
 #include "model/model.hpp"
 
 namespace leadline::model {
@@ -23,6 +26,8 @@ constexpr std::uint32_t kColumnDither = 0x85EBCA6BU;
 // A column is looked at for voxels to rescale (kRescaleAbove) each time it has received this much
 // evidence: less than what is left to the end of the range, so that no voxel gets there in between.
 constexpr std::uint32_t kRescaleCheck = 30000;
+// Depth of a plane that is not there: below every grid.
+constexpr std::int64_t kNoLimit_q16 = std::int64_t{2 * kMaxDepthCells} << 16;
 // No column of any grid.
 constexpr std::uint32_t kNoColumn = UINT32_MAX;
 // Voxels of a column that share one weight of empty evidence.
@@ -63,17 +68,6 @@ std::uint32_t beam_entry(std::uint64_t off2_q20, std::int32_t half_width_q10) {
   return min_of<std::uint32_t>(dividend / divisor, kBeamWeightSteps);
 }
 
-// Cells first .. last; none when last < first.
-struct CellRange {
-  std::int32_t first;
-  std::int32_t last;
-};
-
-// Cells of [0, cells) whose centres lie between two offsets from the grid's corner.
-CellRange cells_between(std::int32_t low_q10, std::int32_t high_q10, std::int32_t cells) {
-  return CellRange{max_of(0, (low_q10 + 511) >> 10), min_of(cells - 1, (high_q10 - 512) >> 10)};
-}
-
 // The cone of one ping with what its rows and columns have in common.
 struct Frustum {
   Cone cone;
@@ -87,7 +81,61 @@ struct Frustum {
   bool banded;
   std::int32_t band_slope_q20;  // below 2^24
   std::int32_t band_half_q10;   // limited to 2^30
+  // And a fan between two lines that leave a point behind the transducer, of a long cone that holds no vertical;
+  // in the row dn they lie at start + slope dn. Steep ones are left out: kOpen.
+  struct Edge {
+    enum class Side : std::uint8_t { kOpen, kWest, kEast } side;
+    std::int32_t start_q10;
+    std::int32_t slope_q20;
+  } edges[2];
 };
+
+// The lines that the cone's outline seen from above follows: |y| <= (g x + kTouch c) / sqrt(A), and a little
+// more, so that no column is left out that cone_span() would find something in by its rounding: an eighth of a
+// cell, and two units of the last place of s x, which is what a narrow beam looks along.
+void set_edges(Frustum& frustum) {
+  constexpr std::int64_t kLeastA_q30 = 1 << 22;
+  constexpr std::int32_t kMargin_q10 = 132;
+  // What they cost is more than they save below so many cells^2.
+  constexpr std::int64_t kWorthwhile_q20 = std::int64_t{40} << 20;
+  const Cone& cone = frustum.cone;
+  if (!cone.narrow || cone.a_q30 < kLeastA_q30 ||
+      mul_shift(cone.radius_q10, frustum.reach_q10, 0) < kWorthwhile_q20) {
+    return;
+  }
+  const std::uint32_t root_q20 = base::sqrt_u64(static_cast<std::uint64_t>(cone.a_q30) << 10U);
+  const auto tan_q20 = static_cast<std::int32_t>(
+      base::quotient_u32(static_cast<std::uint64_t>(cone.growth_q20) << 20U, root_q20));
+  const std::int32_t down_q20 = (cone.down_q30 < 0 ? -cone.down_q30 : cone.down_q30) >> 10;
+  const auto room_q10 = static_cast<std::int32_t>(
+      kMargin_q10 + 2 * down_q20 / tan_q20 +
+      base::quotient_u32(static_cast<std::uint64_t>(cone.horizontal_q30 >> 10) * kTouch_q10,
+                         root_q20));
+  const std::int32_t hn = cone.heading_north_q20;
+  const std::int32_t he = cone.heading_east_q20;
+  const auto turned_n = static_cast<std::int32_t>(mul_shift(tan_q20, hn, 20));
+  const auto turned_e = static_cast<std::int32_t>(mul_shift(tan_q20, he, 20));
+  // +-y <= T x + room, as de k <= room + dn m.
+  const auto edge = [room_q10](std::int32_t k_q20, std::int32_t m_q20) {
+    constexpr std::int32_t kLeast_q20 = 1 << 12;
+    const std::int32_t k = k_q20 < 0 ? -k_q20 : k_q20;
+    const std::int32_t m = m_q20 < 0 ? -m_q20 : m_q20;
+    Frustum::Edge out{};
+    if (k < kLeast_q20 || (m >> 8) >= k) {
+      return out;
+    }
+    out.side = k_q20 > 0 ? Frustum::Edge::Side::kEast : Frustum::Edge::Side::kWest;
+    const auto start = static_cast<std::int32_t>(base::quotient_u32(
+        static_cast<std::uint64_t>(room_q10) << 20U, static_cast<std::uint32_t>(k)));
+    const auto slope = static_cast<std::int32_t>(
+        base::quotient_u32(static_cast<std::uint64_t>(m) << 20U, static_cast<std::uint32_t>(k)));
+    out.start_q10 = k_q20 > 0 ? start + 1 : -start - 1;
+    out.slope_q20 = (k_q20 > 0) == (m_q20 > 0) ? slope : -slope;
+    return out;
+  };
+  frustum.edges[0] = edge(hn - turned_e, he + turned_n);
+  frustum.edges[1] = edge(-hn - turned_e, turned_n - he);
+}
 
 Frustum make_frustum(const Scale& scale, const LocalizationTable& table, const BeamFrame& frame,
                      const Sighting& sighting, std::int32_t range_q10) {
@@ -112,6 +160,7 @@ Frustum make_frustum(const Scale& scale, const LocalizationTable& table, const B
     out.band_half_q10 = static_cast<std::int32_t>(min_of<std::int64_t>(
         out.cone.radius_q10 * (1LL << 20) / (hn < 0 ? -hn : hn), 16LL * kFar_q10));
   }
+  set_edges(out);
   return out;
 }
 
@@ -134,6 +183,16 @@ CellRange frustum_row(const Frustum& frustum, std::int32_t dn, std::int32_t cell
     const auto middle = static_cast<std::int32_t>(mul_shift(frustum.band_slope_q20, dn, 20));
     low = max_of(low, middle - frustum.band_half_q10);
     high = min_of(high, middle + frustum.band_half_q10);
+  }
+  for (const Frustum::Edge& edge : frustum.edges) {
+    // Of a narrow cone: below 2^18 times 2^8.
+    const std::int32_t at =
+        edge.start_q10 + static_cast<std::int32_t>(mul_shift(edge.slope_q20, dn, 20));
+    if (edge.side == Frustum::Edge::Side::kEast) {
+      high = min_of(high, at);
+    } else if (edge.side == Frustum::Edge::Side::kWest) {
+      low = max_of(low, at);
+    }
   }
   return cells_between(frustum.origin_q10[1] + low, frustum.origin_q10[1] + high, cells);
 }
@@ -183,14 +242,18 @@ void limit_to_axis(ColumnSpan& span, const Frustum& frustum, const ColumnOffset&
 }
 
 // Voxels of a column of `cells` whose centres lie inside the cone.
-CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame, const ColumnOffset& offset,
-                         std::int32_t cells) {
+template <bool kPlain>
+inline CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame,
+                                const ColumnOffset& offset, std::int32_t cells) {
   const std::int32_t radius = frustum.cone.radius_q10;
   if (offset.y > radius || offset.y < -radius || offset.x < -radius ||
       offset.x > frustum.reach_q10) {
     return CellRange{0, -1};
   }
-  ColumnSpan span = cone_span(frustum.cone, offset.x, offset.y);
+  if (kPlain) {
+    return narrow_cells(frustum.cone, offset.x, offset.y, frustum.origin_q10[2], cells);
+  }
+  ColumnSpan span = cone_span_inline(frustum.cone, offset.x, offset.y);
   if (frustum.two_axis) {
     limit_to_axis(span, frustum, offset, frame.along, frustum.grow_along_q20);
     limit_to_axis(span, frustum, offset, frame.across, frustum.grow_across_q20);
@@ -263,7 +326,7 @@ inline std::uint32_t empty_strength_q7(const Emptiness& empty, std::int32_t slan
   const auto share_q16 = static_cast<std::uint32_t>(min_of<std::uint64_t>(
       (static_cast<std::uint32_t>(slant_q10) * empty.inverse_range_q36) >> 20U, 65536U));
   const std::uint64_t strength_q22 =
-      static_cast<std::uint64_t>(empty.end_q14) * peak_gain_q8(empty.growth_q24, share_q16);
+      static_cast<std::uint64_t>(empty.end_q14) * peak_gain_inline_q8(empty.growth_q24, share_q16);
   return static_cast<std::uint32_t>(min_of<std::uint64_t>(strength_q22 >> 15U, kMostEmpty_q7));
 }
 
@@ -716,6 +779,12 @@ struct Model::CarveContext {
   Emptiness empty;
   std::int64_t limit0_q16;  // last depth before the plane over column (0, 0)
   std::uint32_t seed;
+
+  [[nodiscard]] std::int64_t limit_at(std::int32_t n, std::int32_t e) const {
+    return plane == nullptr ? limit0_q16
+                            : limit0_q16 + mul_shift(n, plane->depth_dn_q16, 0) +
+                                  mul_shift(e, plane->depth_de_q16, 0);
+  }
 };
 
 struct Model::CarvedColumn {
@@ -725,13 +794,100 @@ struct Model::CarvedColumn {
   std::uint32_t dither;
 };
 
+// What the runs of a plain cone's columns need, at hand: a narrow cone of a round beam, log-odds. The same numbers
+// as the general form below.
+struct Model::PlainCone {
+  std::int32_t horizontal_q30;
+  std::int32_t down_q30;
+  std::uint32_t growth_q20;
+  std::int32_t origin_q10;  // depth of the transducer
+  const std::uint16_t* pattern_q15;
+  std::uint32_t confidence_scale_q22;
+  // As in Emptiness; level: what is the same all along without growth.
+  std::uint32_t end_q14;
+  std::uint32_t level_q7;
+  std::uint32_t growth_q24;
+  std::uint32_t inverse_range_q36;  // of a range of 17 / 1024 cells at least
+};
+
+namespace {
+
+// What each voxel gets of a run whose middle is z below the transducer.
+template <typename Context>
+inline std::uint32_t plain_strength_q7(const Context& cone, std::int64_t hx_q40,
+                                       std::int64_t sx_q40, std::int64_t y2_q20, std::int32_t z) {
+  const std::uint32_t slant = of_32_bits(static_cast<std::uint32_t>(max_of(
+      0, static_cast<std::int32_t>((hx_q40 + mul_shift(of_32_bits(cone.down_q30), z, 0)) >> 30))));
+  const auto off =
+      static_cast<std::int32_t>((sx_q40 - mul_shift(of_32_bits(cone.horizontal_q30), z, 0)) >> 30);
+  // Below 2^18, as is every length of a narrow cone.
+  const std::uint32_t half_width =
+      kTouch_q10 +
+      static_cast<std::uint32_t>((std::uint64_t{slant} * of_32_bits(cone.growth_q20)) >> 20U);
+  const auto off2_q20 = static_cast<std::uint64_t>(y2_q20 + mul_shift(off, off, 0));
+  const std::uint32_t dividend =
+      (off2_q20 >> 36U) != 0 ? UINT32_MAX : static_cast<std::uint32_t>(off2_q20 >> 4U);
+  const auto divisor = static_cast<std::uint32_t>((std::uint64_t{half_width} * half_width) >> 10U);
+  const std::uint32_t pattern_q15 =
+      cone.pattern_q15[min_of<std::uint32_t>(dividend / divisor, kBeamWeightSteps)];
+  // Parts of the range: a voxel of the cone lies a few cells beyond it at most, so that neither passes 32 bits.
+  const std::uint32_t distance =
+      min_of(static_cast<std::uint32_t>(
+                 (std::uint64_t{slant} * of_32_bits(cone.confidence_scale_q22)) >> 22U),
+             64U);
+  std::uint32_t strength_q7 = cone.level_q7;
+  if (cone.growth_q24 != 0) {
+    const std::uint32_t share_q16 = min_of(
+        static_cast<std::uint32_t>((std::uint64_t{slant} * cone.inverse_range_q36) >> 20U), 65536U);
+    const std::uint64_t strength_q22 =
+        std::uint64_t{cone.end_q14} * of_32_bits(peak_gain_inline_q8(cone.growth_q24, share_q16));
+    // Of 21 and 20 bits: a quotient of 26.
+    strength_q7 = min_of(static_cast<std::uint32_t>(strength_q22 >> 15U), kMostEmpty_q7);
+  }
+  return (((strength_q7 * pattern_q15) >> 15U) * kEmptyLogit_q15[distance]) >> 15U;
+}
+
+}  // namespace
+
 // False: the work bound is met.
-inline bool Model::carve_column(const CarveContext& context, const CarvedColumn& column) {
+inline bool Model::carve_plain_column(const PlainCone& cone, const CarvedColumn& column,
+                                      std::uint32_t& room) {
+  std::int32_t left = column.cells.last - column.cells.first + 1;
+  bool within = true;
+  if (static_cast<std::uint32_t>(left) > room) {
+    // Whole runs only.
+    left = static_cast<std::int32_t>(room) / kRun * kRun;
+    within = false;
+  }
+  room -= static_cast<std::uint32_t>(left);
+  const std::int64_t hx_q40 = mul_shift(cone.horizontal_q30, column.offset.x, 0);
+  const std::int64_t sx_q40 = mul_shift(cone.down_q30, column.offset.x, 0);
+  const std::int64_t y2_q20 = mul_shift(column.offset.y, column.offset.y, 0);
+  work_.cone_runs += static_cast<std::uint32_t>(left + kRun - 1) / static_cast<std::uint32_t>(kRun);
+  Voxel* voxels = column.voxels + column.cells.first;
+  std::uint32_t dither =
+      column.dither + static_cast<std::uint32_t>(column.cells.first) * kDitherStep;
+  std::int32_t from = column.cells.first * 1024 - cone.origin_q10;
+  for (; left > 0; left -= kRun) {
+    const std::int32_t count = min_of(kRun, left);
+    // Off-axis position and distance of the run's middle.
+    const Evidence evidence{0, plain_strength_q7(cone, hx_q40, sx_q40, y2_q20, from + count * 512)};
+    add_uniform(voxels, count, 0, evidence, dither);
+    voxels += kRun;
+    from += kRun * 1024;
+    dither = of_32_bits(dither + static_cast<std::uint32_t>(kRun) * kDitherStep);
+  }
+  return within;
+}
+
+// False: the work bound is met.
+inline bool Model::carve_column(const CarveContext& context, const CarvedColumn& column,
+                                std::uint32_t& room) {
   const Frustum& frustum = context.frustum;
   std::uint32_t runs = 0;
   for (std::int32_t k = column.cells.first; k <= column.cells.last; k += kRun) {
     const std::int32_t count = min_of(kRun, column.cells.last - k + 1);
-    if (voxels_this_ping_ + static_cast<std::uint32_t>(count) > bound_.total_voxels) {
+    if (static_cast<std::uint32_t>(count) > room) {
       work_.cone_runs += runs;
       return false;
     }
@@ -749,13 +905,14 @@ inline bool Model::carve_column(const CarveContext& context, const CarvedColumn&
         (empty_strength_q7(context.empty, slant) * static_cast<std::uint32_t>(beam_q15)) >> 15U;
     add_empty(column.voxels + k, count, static_cast<std::uint32_t>(k), strength_q7, distance,
               column.dither);
-    voxels_this_ping_ += static_cast<std::uint32_t>(count);
+    room -= static_cast<std::uint32_t>(count);
   }
   work_.cone_runs += runs;
   return true;
 }
 
 // The same.
+template <bool kPlain>
 bool Model::carve_row(const CarveContext& context, std::int32_t n) {
   const Frustum& frustum = context.frustum;
   const std::int32_t dn = n * 1024 + 512 - frustum.origin_q10[0];
@@ -765,49 +922,64 @@ bool Model::carve_row(const CarveContext& context, std::int32_t n) {
   }
   work_.cone_candidates += static_cast<std::uint32_t>(row.last - row.first + 1);
   const std::int32_t depth_cells = sensor_->scale.size[2];
-  std::int64_t limit_q16 = context.limit0_q16;
-  std::int32_t limit_de_q16 = 0;
-  if (context.plane != nullptr) {
-    limit_de_q16 = context.plane->depth_de_q16;
-    limit_q16 +=
-        mul_shift(n, context.plane->depth_dn_q16, 0) + mul_shift(row.first, limit_de_q16, 0);
-  }
-  std::uint32_t dither =
-      context.seed + static_cast<std::uint32_t>(n * kMaxSideCells + row.first) * kColumnDither;
+  // Of a plain cone within 32 bits all over its box.
+  using Limit = std::conditional_t<kPlain, std::int32_t, std::int64_t>;
+  auto limit_q16 = static_cast<Limit>(context.limit_at(n, row.first));
+  const std::int32_t limit_de_q16 = context.plane != nullptr ? context.plane->depth_de_q16 : 0;
+  const auto row_place = static_cast<std::uint32_t>(n * kMaxSideCells);
+  const PlainCone plain{frustum.cone.horizontal_q30,
+                        frustum.cone.down_q30,
+                        static_cast<std::uint32_t>(frustum.cone.growth_q20),
+                        frustum.origin_q10[2],
+                        sensor_->table.beam_weight_q15[0],
+                        sensor_->scale.confidence_scale_q22,
+                        context.empty.end_q14,
+                        min_of(context.empty.end_q14 >> 7U, kMostEmpty_q7),
+                        context.empty.growth_q24,
+                        static_cast<std::uint32_t>(context.empty.inverse_range_q36)};
+  const std::uint32_t room_before =
+      bound_.total_voxels - min_of(voxels_this_ping_, bound_.total_voxels);
+  std::uint32_t room = room_before;
   // The place in the grid is looked up once per tile.
   std::int32_t e = row.first;
-  while (e <= row.last) {
+  bool within = true;
+  while (e <= row.last && within) {
     const std::int32_t end = min_of(e | (kTileCells - 1), row.last);
     const TileId tile = grid_.tile_of(n, e);
     Voxel* voxels = grid_.column_voxels(grid_.column_index(n, e));
     std::uint32_t written = 0;
-    bool within = true;
     for (; e <= end && within; ++e) {
       const std::int32_t de = e * 1024 + 512 - frustum.origin_q10[1];
-      const ColumnOffset offset = column_offset(frustum, dn, de);
-      CellRange cells = frustum_column(frustum, context.frame, offset, depth_cells);
+      const Limit limit = limit_q16 >> 16;
+      limit_q16 += limit_de_q16;
+      Voxel* const column_voxels = voxels;
+      voxels += depth_cells;
       // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
-      const std::int64_t limit = limit_q16 >> 16;
+      if (limit < 0) {
+        continue;
+      }
+      const ColumnOffset offset = column_offset(frustum, dn, de);
+      CellRange cells = frustum_column<kPlain>(frustum, context.frame, offset, depth_cells);
       if (limit < cells.last) {
-        cells.last = static_cast<std::int32_t>(max_of<std::int64_t>(limit, -1));
+        cells.last = static_cast<std::int32_t>(limit);
       }
       if (cells.first <= cells.last) {
         ++written;
-        within = carve_column(context, CarvedColumn{voxels, offset, cells, dither});
+        // Dither follows the place in the grid, not in storage.
+        const std::uint32_t dither =
+            context.seed + of_32_bits(row_place + static_cast<std::uint32_t>(e)) * kColumnDither;
+        const CarvedColumn column{column_voxels, offset, cells, dither};
+        within =
+            kPlain ? carve_plain_column(plain, column, room) : carve_column(context, column, room);
       }
-      limit_q16 += limit_de_q16;
-      dither += kColumnDither;
-      voxels += depth_cells;
     }
     if (written > 0) {
       work_.cone_columns += written;
       grid_.touch(tile, ping_number_);
     }
-    if (!within) {
-      return false;
-    }
   }
-  return true;
+  voxels_this_ping_ += room_before - room;
+  return within;
 }
 
 void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
@@ -821,13 +993,23 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       plane ? shell : nullptr,
       make_frustum(sensor_->scale, sensor_->table, frame, sighting, range_q10),
       make_emptiness(end_q14, shell != nullptr ? shell->growth_q24 : 0, range_q10),
-      plane ? shell->plane0_q16 - kernel_reach_q16(shell->level) - 0x8000 : INT64_MAX / 2,
+      plane ? shell->plane0_q16 - kernel_reach_q16(shell->level) - 0x8000 : kNoLimit_q16,
       base::mix_u32(ping_number_ ^ 0x5BD1E995U)};
   const CellRange rows = frustum_rows(context.frustum, sensor_->scale.size[0]);
   const std::uint32_t before = voxels_this_ping_;
   work_.cone_rows = static_cast<std::uint32_t>(max_of(0, rows.last - rows.first + 1));
+  // A step beyond the last column as well.
+  const auto fits = [&context](std::int32_t n, std::int32_t e) {
+    const std::int64_t limit_q16 = context.limit_at(n, e);
+    return limit_q16 == static_cast<std::int32_t>(limit_q16);
+  };
+  const std::int32_t east = sensor_->scale.size[1];
+  const bool plain = !context.frustum.two_axis && config_.rule == Rule::kLogOdds &&
+                     context.frustum.cone.narrow && context.empty.inverse_range_q36 <= UINT32_MAX &&
+                     fits(rows.first, 0) && fits(rows.first, east) && fits(rows.last, 0) &&
+                     fits(rows.last, east);
   for (std::int32_t n = rows.first; n <= rows.last; ++n) {
-    if (!carve_row(context, n)) {
+    if (!(plain ? carve_row<true>(context, n) : carve_row<false>(context, n))) {
       ++counters_.cones_cut;
       break;
     }

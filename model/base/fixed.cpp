@@ -2,6 +2,8 @@
 
 #include <array>
 
+#include "model/base/root.hpp"
+
 namespace leadline::base {
 namespace {
 
@@ -46,28 +48,14 @@ constexpr std::array<std::uint16_t, 256> make_sqrt_table() {
   return table;
 }
 
-constexpr auto kSqrtTable = make_sqrt_table();
-static_assert(kSqrtTable[64] >= 0x8000, "what root_step() wants of its start");
-
 }  // namespace
 
-std::uint32_t sqrt_u32(std::uint32_t value) {
-  if (value == 0) {
-    return 0;
-  }
-  const int shift = leading_zeros(value) & ~1;  // even, so that the root shifts by half of it
-  const std::uint32_t x = value << static_cast<unsigned>(shift);
-  return root_step(x, kSqrtTable[x >> 24U]) >> static_cast<unsigned>(shift / 2);
-}
+constexpr std::array<std::uint16_t, 256> kRootTable = make_sqrt_table();
+static_assert(kRootTable[64] >= 0x8000, "what root_step() wants of its start");
 
-std::uint32_t sqrt_u64(std::uint64_t value) {
-  if ((value >> 32U) == 0) {
-    return sqrt_u32(static_cast<std::uint32_t>(value));
-  }
-  const int shift = (33 - leading_zeros64(value)) & ~1;  // brings the value below 2^32, even
-  return sqrt_u32(static_cast<std::uint32_t>(value >> static_cast<unsigned>(shift)))
-         << static_cast<unsigned>(shift / 2);
-}
+std::uint32_t sqrt_u32(std::uint32_t value) { return sqrt_u32_inline(value); }
+
+std::uint32_t sqrt_u64(std::uint64_t value) { return sqrt_u64_inline(value); }
 
 std::int32_t ratio(std::int64_t numerator, std::int64_t denominator, int shift) {
   if (denominator <= 0) {
