@@ -111,7 +111,7 @@ class Dissector(unittest.TestCase):
         layer = self.one(resend)
         self.assertEqual(layer["leadline.first"], ["0", "2", "1000"])
         self.assertEqual(layer["leadline.count"], ["1", "10", "1"])
-        report, digest, both = (as_lines(text) for text in texts[-3:])
+        report, digest, both = (as_lines(text) for text in texts[-6:-3])
         tags = self.one(report[0])["leadline.report.frame_tag"]
         self.assertEqual([int(tag, 16) for tag in tags], [0xA1B2, 3])
         hashes = self.one(digest[0])["leadline.digest.hash"]
