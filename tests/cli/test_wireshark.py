@@ -121,6 +121,22 @@ class Dissector(unittest.TestCase):
         layer = self.one(both[1])
         self.assertEqual((layer["leadline.tile"], layer["leadline.look.radius_tiles"]), ("300", "2"))
 
+    def test_commands_answers_and_slices(self):
+        command, _, others = fences("Vectors of the messages")[-3:]
+        layer = self.one(as_bytes(command))
+        self.assertEqual(int(layer["leadline.command.key_id"], 16), 0x7B712541)
+        self.assertEqual((layer["leadline.command.vehicle"], layer["leadline.command.counter"]), ("3", "300"))
+        self.assertEqual(layer["leadline.command.kind"], "3")
+        self.assertEqual(layer["leadline.command.fields"], "01:80:25:00:00")
+        self.assertTrue(layer["leadline.command.tag"].startswith("cc:92:90"))
+        answer, part = as_lines(others)
+        layer = self.one(answer)
+        self.assertEqual((layer["leadline.command.counter"], layer["leadline.command.result"]), ("300", "2"))
+        layer = self.one(part)
+        self.assertEqual(layer["leadline.slice.first"], ["300", "5", "0"])
+        self.assertEqual((layer["leadline.slice.rows"], layer["leadline.slice.columns"]), ("3", "20"))
+        self.assertEqual((layer["leadline.slice.first_row"], layer["leadline.slice.row_count"]), ("1", "2"))
+
     def test_damage_is_shown_and_harms_nothing(self):
         brief = as_bytes(fences("Vectors of the messages")[2])
         whole = frame(brief)
