@@ -303,9 +303,23 @@ inline std::uint32_t units_of(const Uniform& run, std::uint32_t dither) {
   return __sel(run.units_and_one, run.units);
 }
 
+inline void add_one(Voxel* voxel, const Uniform& run, std::uint32_t& dither) {
+  store(voxel, __uqadd16(load(voxel), units_of(run, dither)));
+  dither = __uadd16(dither, kDitherSteps);
+}
+
+// Two voxels whose halves against are added to: the lanes of `run` and of `dither` are theirs.
+inline void add_two_misses(Voxel* voxels, const Uniform& run, std::uint32_t& dither) {
+  const std::uint32_t both = units_of(run, dither);
+  store(voxels, __uqadd16(load(voxels), both << 16U));
+  store(voxels + 1, __uqadd16(load(voxels + 1), both & 0xFFFF0000U));
+  dither = __uadd16(dither, (kDitherStep << 17U) | ((2U * kDitherStep) & 0xFFFFU));
+}
+
 // The step of four voxels: eighteen instructions. In assembly, as the compiler neither loads nor stores several
 // words at once here, and moves the steps into each other until registers run out.
 inline void add_four(Voxel*& voxels, const Uniform& run, std::uint32_t& dither) {
+#if defined(__OPTIMIZE__)
   std::uint32_t units = 0;
   asm volatile(
       "ldmia %[at], {r0, r1, r2, r3}\n\t"
@@ -330,12 +344,19 @@ inline void add_four(Voxel*& voxels, const Uniform& run, std::uint32_t& dither) 
       : [rest] "r"(run.rest_q16), [more] "r"(run.units_and_one), [less] "r"(run.units),
         [step] "r"(kDitherSteps)
       : "r0", "r1", "r2", "r3", "cc", "memory");
+#else
+  // Not optimized, the operands do not all find a register.
+  for (int i = 0; i < 4; ++i, ++voxels) {
+    add_one(voxels, run, dither);
+  }
+#endif
 }
 
 // The same where only the halves against are added to, which is what log-odds ask for: one step of the dither
 // serves two voxels, sixteen instructions for four. The lanes of `run` and of `dither` are those of two
 // neighbours here.
 inline void add_four_misses(Voxel*& voxels, const Uniform& run, std::uint32_t& dither) {
+#if defined(__OPTIMIZE__)
   constexpr std::uint32_t kStep = (2U * kDitherStep) & 0xFFFFU;
   std::uint32_t first = 0;
   std::uint32_t second = 0;
@@ -360,11 +381,11 @@ inline void add_four_misses(Voxel*& voxels, const Uniform& run, std::uint32_t& d
       : [rest] "r"(run.rest_q16), [more] "r"(run.units_and_one), [less] "r"(run.units),
         [step] "r"(kStep << 16U | kStep)
       : "r0", "r1", "r2", "r3", "cc", "memory");
-}
-
-inline void add_one(Voxel* voxel, const Uniform& run, std::uint32_t& dither) {
-  store(voxel, __uqadd16(load(voxel), units_of(run, dither)));
-  dither = __uadd16(dither, kDitherSteps);
+#else
+  for (int i = 0; i < 4; i += 2, voxels += 2) {
+    add_two_misses(voxels, run, dither);
+  }
+#endif
 }
 
 // Taps times the weight of one half, Q24; with the dither below 2^32: 32767 * 4 * 32640 + 2^24 - 2^8.
@@ -431,10 +452,7 @@ inline void add_misses(Voxel* voxels, std::int32_t count, std::uint32_t miss_q7,
     add_four_misses(voxels, run, dither);
   }
   if ((count & 2) != 0) {
-    const std::uint32_t both = units_of(run, dither);
-    store(voxels, __uqadd16(load(voxels), both << 16U));
-    store(voxels + 1, __uqadd16(load(voxels + 1), both & 0xFFFF0000U));
-    dither = __uadd16(dither, (kDitherStep << 17U) | ((2U * kDitherStep) & 0xFFFFU));
+    add_two_misses(voxels, run, dither);
     voxels += 2;
   }
   if ((count & 1) != 0) {

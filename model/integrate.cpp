@@ -27,7 +27,7 @@ constexpr std::uint32_t kColumnDither = 0x85EBCA6BU;
 // evidence: less than what is left to the end of the range, so that no voxel gets there in between.
 constexpr std::uint32_t kRescaleCheck = 30000;
 // Depth of a plane that is not there: below every grid.
-constexpr std::int64_t kNoLimit_q16 = std::int64_t{2 * kMaxDepthCells} << 16;
+constexpr std::int64_t kNoLimit_q16 = std::int64_t{kMaxDepthCells} << 17;
 // No column of any grid.
 constexpr std::uint32_t kNoColumn = UINT32_MAX;
 // Voxels of a column that share one weight of empty evidence.
@@ -82,9 +82,10 @@ struct Frustum {
   std::int32_t band_slope_q20;  // below 2^24
   std::int32_t band_half_q10;   // limited to 2^30
   // And a fan between two lines that leave a point behind the transducer, of a long cone that holds no vertical;
-  // in the row dn they lie at start + slope dn. Steep ones are left out: kOpen.
+  // in the row dn they lie at start + slope dn; of one that is almost a row, start + slope dn >= 0 says which
+  // rows it leaves (kRow).
   struct Edge {
-    enum class Side : std::uint8_t { kOpen, kWest, kEast } side;
+    enum class Side : std::uint8_t { kNone, kWest, kEast, kRow } side;
     std::int32_t start_q10;
     std::int32_t slope_q20;
   } edges[2];
@@ -116,22 +117,26 @@ void set_edges(Frustum& frustum) {
   const auto turned_n = static_cast<std::int32_t>(mul_shift(tan_q20, hn, 20));
   const auto turned_e = static_cast<std::int32_t>(mul_shift(tan_q20, he, 20));
   // +-y <= T x + room, as de k <= room + dn m.
-  const auto edge = [room_q10](std::int32_t k_q20, std::int32_t m_q20) {
-    constexpr std::int32_t kLeast_q20 = 1 << 12;
+  const std::int32_t reach_q10 = frustum.reach_q10;
+  const auto edge = [room_q10, reach_q10](std::int32_t k_q20, std::int32_t m_q20) {
+    constexpr std::int32_t kLeast_q20 = 1 << 10;
     const std::int32_t k = k_q20 < 0 ? -k_q20 : k_q20;
     const std::int32_t m = m_q20 < 0 ? -m_q20 : m_q20;
-    Frustum::Edge out{};
-    if (k < kLeast_q20 || (m >> 8) >= k) {
-      return out;
+    if (k < kLeast_q20 || (m >> 10) >= k) {
+      // |de| is less than the reach along the heading and the radius across it.
+      return Frustum::Edge{Frustum::Edge::Side::kRow,
+                           room_q10 + static_cast<std::int32_t>(mul_shift(k, reach_q10, 19)) + 1,
+                           m_q20};
     }
-    out.side = k_q20 > 0 ? Frustum::Edge::Side::kEast : Frustum::Edge::Side::kWest;
-    const auto start = static_cast<std::int32_t>(base::quotient_u32(
-        static_cast<std::uint64_t>(room_q10) << 20U, static_cast<std::uint32_t>(k)));
-    const auto slope = static_cast<std::int32_t>(
-        base::quotient_u32(static_cast<std::uint64_t>(m) << 20U, static_cast<std::uint32_t>(k)));
-    out.start_q10 = k_q20 > 0 ? start + 1 : -start - 1;
-    out.slope_q20 = (k_q20 > 0) == (m_q20 > 0) ? slope : -slope;
-    return out;
+    const auto over_k = [k](std::int32_t value) {
+      return static_cast<std::int32_t>(base::quotient_u32(static_cast<std::uint64_t>(value) << 20U,
+                                                          static_cast<std::uint32_t>(k)));
+    };
+    const bool east = k_q20 > 0;
+    const std::int32_t start = over_k(room_q10) + 1;
+    const std::int32_t slope = over_k(m);
+    return Frustum::Edge{east ? Frustum::Edge::Side::kEast : Frustum::Edge::Side::kWest,
+                         east ? start : -start, east == (m_q20 > 0) ? slope : -slope};
   };
   frustum.edges[0] = edge(hn - turned_e, he + turned_n);
   frustum.edges[1] = edge(-hn - turned_e, turned_n - he);
@@ -185,13 +190,15 @@ CellRange frustum_row(const Frustum& frustum, std::int32_t dn, std::int32_t cell
     high = min_of(high, middle + frustum.band_half_q10);
   }
   for (const Frustum::Edge& edge : frustum.edges) {
-    // Of a narrow cone: below 2^18 times 2^8.
+    // Of a narrow cone: below 2^18 times 2^10.
     const std::int32_t at =
         edge.start_q10 + static_cast<std::int32_t>(mul_shift(edge.slope_q20, dn, 20));
     if (edge.side == Frustum::Edge::Side::kEast) {
       high = min_of(high, at);
     } else if (edge.side == Frustum::Edge::Side::kWest) {
       low = max_of(low, at);
+    } else if (edge.side == Frustum::Edge::Side::kRow && at < 0) {
+      return CellRange{0, -1};
     }
   }
   return cells_between(frustum.origin_q10[1] + low, frustum.origin_q10[1] + high, cells);

@@ -5,6 +5,7 @@
 
 #include "model/base/fixed.hpp"
 #include "model/capacity.hpp"
+#include "model/cone_column.hpp"
 #include "model/event.hpp"
 #include "model/work_bound.hpp"
 #include "tests/support/plain_table.hpp"
@@ -215,6 +216,58 @@ TEST(cone_span_against_the_frustum_point_by_point) {
   }
   print_message("cone: %d columns, %d points inside\n", columns, inside_count);
   assert_true(inside_count > 100'000);
+}
+
+TEST(cells_of_a_narrow_cone_are_those_of_its_span) {
+  // The integrator's short ways against the long one, cell by cell and to the bit: few divisions, 32 bits.
+  Random random(5);
+  constexpr std::int32_t kCells = 64;
+  int narrow = 0;
+  int held = 0;
+  for (int trial = 0; trial < 20'000; ++trial) {
+    const double tangent = std::exp(std::log(0.001) + std::log(2000.0) * random.uniform());
+    const double elevation =
+        trial % 8 == 0 ? (trial % 16 == 0 ? kPi / 2 : 0.0) : (random.uniform() - 0.3) * kPi;
+    const double azimuth = 2.0 * kPi * random.uniform();
+    const Direction axis{
+        {static_cast<std::int32_t>(std::lround(std::cos(elevation) * std::cos(azimuth) * 0x1.0p30)),
+         static_cast<std::int32_t>(std::lround(std::cos(elevation) * std::sin(azimuth) * 0x1.0p30)),
+         static_cast<std::int32_t>(std::lround(std::sin(elevation) * 0x1.0p30))}};
+    const double range = 0.5 + 60.0 * random.uniform();
+    const Cone cone = make_cone(scale_of(tangent), axis, static_cast<std::int32_t>(range * 1024.0));
+    if (!cone.narrow) {
+      continue;
+    }
+    ++narrow;
+    const double radius = cone.radius_q10;
+    const auto origin_q10 =
+        static_cast<std::int32_t>(1024.0 * (kCells * random.uniform() * 1.5 - 16.0));
+    for (int column = 0; column < 30; ++column) {
+      const auto x_q10 = static_cast<std::int32_t>(
+          std::lround(range * 1024.0 * random.uniform() + (2.0 * random.uniform() - 1.0) * radius));
+      const auto y_q10 =
+          static_cast<std::int32_t>(std::lround((2.0 * random.uniform() - 1.0) * radius));
+      const ColumnSpan span = cone_span(cone, x_q10, y_q10);
+      const CellRange want =
+          cells_between(span.top_q10 + origin_q10, span.bottom_q10 + origin_q10, kCells);
+      const CellRange got = narrow_cells(cone, x_q10, y_q10, origin_q10, kCells);
+      const bool none = want.last < want.first;
+      held += none ? 0 : 1;
+      if (none != (got.last < got.first) ||
+          (!none && (got.first != want.first || got.last != want.last))) {
+        fail_msg("trial %d, column (%d, %d): cells %d .. %d, not %d .. %d", trial, x_q10, y_q10,
+                 got.first, got.last, want.first, want.last);
+      }
+      // And those of the form for cones of every size.
+      const ColumnSpan wide = wide_cone_span(cone, x_q10, y_q10);
+      const CellRange other =
+          cells_between(wide.top_q10 + origin_q10, wide.bottom_q10 + origin_q10, kCells);
+      assert_true(none ? other.last < other.first
+                       : other.first == want.first && other.last == want.last);
+    }
+  }
+  print_message("narrow cones: %d, columns that hold cells: %d\n", narrow, held);
+  assert_true(narrow > 15'000 && held > 100'000);
 }
 
 TEST(cone_volume_is_the_integral) {
