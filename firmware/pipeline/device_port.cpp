@@ -54,8 +54,17 @@ Config for_decoding(const Config& config) {
 }
 hal::Ping1dConfig for_decoding(hal::Ping1dConfig config) {
   config.drop_repeats = false;
+  config.every_range = true;
   config.min_range_um = 0;
   config.max_range_um = 300'000'000;
+  return config;
+}
+hal::WlDvlConfig for_decoding(hal::WlDvlConfig config) {
+  config.drop_repeats = false;
+  return config;
+}
+hal::XsensConfig for_decoding(hal::XsensConfig config) {
+  config.use_pressure = true;
   return config;
 }
 hal::Ping360Config for_decoding(hal::Ping360Config config) {

@@ -390,7 +390,7 @@ bool WlDvlCodec::take_velocity_line(const Fields& line, base::NavSample& sample)
 
 // wrx,time,vx,vy,vz,fom,altitude,valid,status
 bool WlDvlCodec::take_old_velocity(const Fields& line, base::NavSample& sample) {
-  if (new_format_) {
+  if (new_format_ && config_.drop_repeats) {
     ++counters_.repeats;
     return false;
   }

@@ -43,8 +43,10 @@ namespace leadline::hal {
 struct WlDvlConfig {
   bool require_checksum = true;      ///< serial: false: also take lines that have none
   std::uint8_t pd4_good_status = 0;  ///< PD4's bottom status of a good velocity (0 as with RDI)
-  bool pd4_ship_axes = false;        ///< PD4's x, y, z are starboard, forward, up (as with RDI)
-  std::int32_t byte_time_ns = 0;     ///< per byte on the line; 0: in the port's latency
+  /// wrx beside wrz is a repeat. False for decoding a file: everything in it counts.
+  bool drop_repeats = true;
+  bool pd4_ship_axes = false;     ///< PD4's x, y, z are starboard, forward, up (as with RDI)
+  std::int32_t byte_time_ns = 0;  ///< per byte on the line; 0: in the port's latency
 };
 
 /// Bytes to samples. One object per port; not reentrant. No heap, no clock; 16 kB.

@@ -21,6 +21,7 @@ constexpr std::uint16_t kModeAuto = 1205;
 constexpr std::uint16_t kPingInterval = 1206;
 constexpr std::uint16_t kGain = 1207;
 constexpr std::uint16_t kPingEnable = 1215;
+constexpr std::uint16_t kDistanceSimple = 1211;
 constexpr std::uint16_t kDistance = 1212;
 constexpr std::uint16_t kProfile = 1300;
 constexpr std::uint16_t kContinuousStart = 1400;
@@ -69,6 +70,8 @@ bool Ping1dCodec::take(const PingFrame& frame, base::Ping& ping) {
     case kDistance:
     case kProfile:
       return take_measurement(frame, ping);
+    case kDistanceSimple:
+      return config_.every_range && take_simple(frame, ping);
     case kPingProtocolVersion:
       if (step_ == Step::kVersion) {
         advance();
@@ -123,26 +126,43 @@ bool Ping1dCodec::take_measurement(const PingFrame& frame, base::Ping& ping) {
   const std::int64_t frame_bytes = frame.payload_bytes + std::int64_t{kPingOverhead_bytes};
   const std::int64_t scan_end_mm =
       std::int64_t{read_u32_le(frame.payload + 12)} + std::int64_t{read_u32_le(frame.payload + 16)};
-  ping = base::Ping{};
-  ping.t_receive_us = frame.t_arrival_us - frame_bytes * config_.byte_time_ns / 1000;
-  ping.t_transmit_us = ping.t_receive_us - travel_us(scan_end_mm * 1000);
-  ping.azimuth_bam32 = config_.azimuth_bam32;
-  ping.elevation_bam32 = config_.elevation_bam32;
-  ping.mount = config_.mount;
-  ping.quality = 255;
+  begin_ping(frame.t_arrival_us - frame_bytes * config_.byte_time_ns / 1000, scan_end_mm, ping);
   if (wants_bins(frame)) {
     take_profile(frame.payload, ping);
   } else {
-    take_range(frame.payload, ping);
+    take_range(read_u32_le(frame.payload), read_u16_le(frame.payload + 4), ping);
   }
   return true;
 }
 
-void Ping1dCodec::take_range(const std::uint8_t* payload, base::Ping& ping) const {
-  const std::uint32_t confidence_percent = read_u16_le(payload + 4);
+void Ping1dCodec::begin_ping(base::TimeUs t_sent_us, std::int64_t scan_end_mm,
+                             base::Ping& ping) const {
+  ping = base::Ping{};
+  ping.t_receive_us = t_sent_us;
+  ping.t_transmit_us = t_sent_us - travel_us(scan_end_mm * 1000);
+  ping.azimuth_bam32 = config_.azimuth_bam32;
+  ping.elevation_bam32 = config_.elevation_bam32;
+  ping.mount = config_.mount;
+  ping.quality = 255;
+}
+
+// Sent when its echo was heard, for all that it says.
+bool Ping1dCodec::take_simple(const PingFrame& frame, base::Ping& ping) {
+  const std::uint32_t distance_mm = read_u32_le(frame.payload);
+  if (frame.payload[4] > 100 || distance_mm > kMaxScan_mm) {
+    ++session_.counters().bad_values;
+    return false;
+  }
+  begin_ping(frame.t_arrival_us, distance_mm, ping);
+  take_range(distance_mm, frame.payload[4], ping);
+  return true;
+}
+
+void Ping1dCodec::take_range(std::uint32_t distance_mm, std::uint32_t confidence_percent,
+                             base::Ping& ping) const {
   const std::uint32_t least_percent =
-      base::max_of<std::uint32_t>(config_.min_confidence_percent, 1);
-  const std::int64_t device_um = std::int64_t{read_u32_le(payload)} * 1000;
+      config_.every_range ? 0U : base::max_of<std::uint32_t>(config_.min_confidence_percent, 1);
+  const std::int64_t device_um = std::int64_t{distance_mm} * 1000;
   const std::int64_t range_um = scaled_um(device_um);
   ping.kind = base::ReturnKind::kNoReturn;
   if (range_um == 0 || confidence_percent < least_percent || range_um > config_.max_range_um) {

@@ -43,6 +43,9 @@ struct Ping1dConfig {
   /// Drop answers that carry the measurement of the answer before (same number, same values). False
   /// for decoding a file.
   bool drop_repeats = true;
+  /// For decoding a file: ranges of no confidence are ranges (of quality 0), and distance_simple, which says neither
+  /// number nor scan, is taken as well.
+  bool every_range = false;
   std::int32_t poll_interval_us = 100'000;  ///< 0: the device runs free and sends profiles
   std::int64_t min_range_um = 500'000;      ///< ranges below are no return, quality 0
   std::int64_t max_range_um = 50'000'000;   ///< ranges above are no return
@@ -105,7 +108,10 @@ class Ping1dCodec : public PingHead<Ping1dCodec> {
   [[nodiscard]] bool take_measurement(const PingFrame& frame, base::Ping& ping);
   [[nodiscard]] bool plausible(const PingFrame& frame) const;
   [[nodiscard]] bool wants_bins(const PingFrame& frame) const;
-  void take_range(const std::uint8_t* payload, base::Ping& ping) const;
+  void begin_ping(base::TimeUs t_sent_us, std::int64_t scan_end_mm, base::Ping& ping) const;
+  [[nodiscard]] bool take_simple(const PingFrame& frame, base::Ping& ping);
+  void take_range(std::uint32_t distance_mm, std::uint32_t confidence_percent,
+                  base::Ping& ping) const;
   void take_profile(const std::uint8_t* payload, base::Ping& ping);
   void take_setting(const PingFrame& frame);
   void take_device();

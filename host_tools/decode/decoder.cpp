@@ -54,7 +54,8 @@ void Decoder::feed(const std::uint8_t* bytes, std::size_t size, std::optional<ba
   arrival_us_ = t_us.value_or(arrival_us_);
   for (std::size_t i = 0; i < size; ++i) {
     if (!timed_) {
-      untimed_us_ += kByteStep_us;
+      untimed_us_ +=
+          driver_ == Driver::kNmea2000 ? 0 : kByteStep_us;  // a frame's bytes come together
       arrival_us_ = untimed_us_;
     }
     take(bytes[i]);

@@ -154,7 +154,11 @@ std::optional<hal::CanFrame> spaced_frame(const std::vector<std::string_view>& w
   }
   const auto length =
       whole_number<std::uint8_t>(words[bracket].substr(1, words[bracket].size() - 2), 10);
-  const auto id = identifier(words[bracket - 1]);
+  std::string_view name = words[bracket - 1];
+  if (name.size() > 4 && name.substr(0, 3) == "<0x" && name.back() == '>') {
+    name = name.substr(3, name.size() - 4);
+  }
+  const auto id = identifier(name);
   if (!length || *length > hal::kMaxCanData_bytes || !id) {
     return std::nullopt;
   }
@@ -170,6 +174,33 @@ std::optional<hal::CanFrame> spaced_frame(const std::vector<std::string_view>& w
     }
   }
   return frame;
+}
+
+/// "hh:mm:ss.mmm R 09F112CC FF 72 ...": one frame, R received or T sent, at a time of day.
+bool parse_gateway(const std::vector<std::string_view>& words, CanLine* result) {
+  if (words.size() < 3 || (words[1] != "R" && words[1] != "T") || words[2].size() != 8 ||
+      words[0].size() < 8 || words[0][2] != ':' || words[0][5] != ':') {
+    return false;
+  }
+  const auto hour = whole_number<std::uint16_t>(words[0].substr(0, 2), 10);
+  const auto minute = whole_number<std::uint16_t>(words[0].substr(3, 2), 10);
+  const auto second_us = seconds_us(words[0].substr(6));
+  const auto id = identifier(words[2]);
+  if (!hour || *hour > 23 || !minute || *minute > 59 || !second_us || *second_us >= 61'000'000 ||
+      !id) {
+    return false;
+  }
+  hal::CanFrame frame{};
+  frame.id = *id;
+  for (std::size_t i = 3; i < words.size(); ++i) {
+    if (!append_byte(words[i], &frame)) {
+      return false;
+    }
+  }
+  result->kind = CanLineKind::kFrames;
+  result->t_us = (*hour * 60 + *minute) * base::TimeUs{60'000'000} + *second_us;
+  result->frames.push_back(frame);
+  return true;
 }
 
 /// Takes "(time)" off the front, if it is there. False: brackets, but no time in them.
@@ -197,7 +228,9 @@ CanLine parse_candump(std::string_view line) {
   std::optional<hal::CanFrame> frame;
   if (words.size() >= 2 && words[1].find('#') != std::string_view::npos) {
     frame = compact_frame(words[1]);
-  } else if (words.size() >= 3) {
+  } else if (!result.t_us && parse_gateway(words, &result)) {
+    return result;
+  } else if (words.size() >= 2) {
     frame = spaced_frame(words);
   }
   if (frame) {
@@ -256,19 +289,20 @@ CanLine CanTextReader::parse(std::string_view line) {
   if (!is_canboat(line)) {
     return parse_candump(line);
   }
-  const std::vector<std::string_view> fields = split(line, ", ");
+  const std::string_view time_text = line.substr(0, line.find(','));
+  const std::vector<std::string_view> fields = split(line.substr(time_text.size()), ", ");
   std::array<std::uint32_t, 5> numbers{};  // priority, PGN, source, destination, length
   constexpr std::array<std::uint32_t, 5> kLimits = {7, kMaxNotePgn, 255, 255, kMaxFastPacket_bytes};
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     const auto number =
-        i + 1 < fields.size() ? whole_number<std::uint32_t>(fields[i + 1], 10) : std::nullopt;
+        i < fields.size() ? whole_number<std::uint32_t>(fields[i], 10) : std::nullopt;
     if (!number || *number > kLimits[i]) {
       return result;
     }
     numbers[i] = *number;
   }
   std::vector<std::uint8_t> message;
-  for (std::size_t i = 6; i < fields.size(); ++i) {
+  for (std::size_t i = numbers.size(); i < fields.size(); ++i) {
     const auto byte = whole_number<std::uint8_t>(fields[i], 16);
     if (!byte) {
       return result;
@@ -283,7 +317,7 @@ CanLine CanTextReader::parse(std::string_view line) {
     return result;
   }
   result.kind = CanLineKind::kFrames;
-  result.t_us = date_time_us(line.substr(0, line.find(',')));
+  result.t_us = date_time_us(time_text);
   const std::uint32_t id = n2k_identifier(numbers[0], numbers[1], numbers[2], numbers[3]);
   if (message.size() > hal::kMaxCanData_bytes) {
     split_fast_packet(id, message, sequence_, &result.frames);

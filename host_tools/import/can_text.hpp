@@ -2,7 +2,9 @@
 //
 //   candump -l, -L    (1502984866.421964) can0 09F112CC#FF725AFF7FFF7FFD
 //   candump           can0  09F112CC   [8]  FF 72 5A FF 7F FF 7F FD      with or without a time in front
+//   candump, old      <0x09f112cc> [8] ff 72 5a ff 7f ff 7f fd            likewise
 //   canboat           2016-02-28T19:57:02.364Z,2,127250,7,255,8,ff,10,3b,ff,7f,ce,f5,fc
+//   gateways (YDWG)   00:17:55.475 R 0DF50B23 FF FF FF FF FF 00 00 FF      time of day
 //
 // canboat's lines carry whole NMEA 2000 messages; those of more than eight bytes come back as the
 // fast-packet frames that they travelled in (with sequence numbers of their own).

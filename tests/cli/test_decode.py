@@ -91,6 +91,38 @@ class Decode(unittest.TestCase):
             self.assertIsNone(found[1][key])
         self.assertEqual(summary["frames"], 2)
 
+    def test_every_layout_of_can_text_with_and_without_times(self):
+        for line, t_us in (("  can0  09F11923   [8]  00 FF 7F 1B 00 21 05 FF", None),
+                           ("can0 09F11923#00FF7F1B002105FF", None),
+                           ("<0x09f11923> [8] 00 ff 7f 1b 00 21 05 ff", None),
+                           ("(12.5) can0 09F11923#00FF7F1B002105FF R", 12_500_000),
+                           ("00:00:12.500 R 09F11923 00 FF 7F 1B 00 21 05 FF", 12_500_000),
+                           ("1970-01-01 00:00:12.5,2,127257,35,255,7,00,ff,7f,1b,00,21,05", 12_500_000)):
+            with self.subTest(line):
+                found, summary = records("nmea2000", "-", (line + "\n").encode() * 3)
+                self.assertEqual((len(found), summary["frames"], summary["skipped_bytes"]), (3, 3, 0))
+                for record in found:
+                    self.assertEqual((record["record"], record["t_us"], record["valid"]), ("attitude", t_us, True))
+                    self.assertAlmostEqual(record["roll_deg"], 7.523, places=3)
+
+    def test_a_file_says_everything(self):
+        """What a live vehicle drops: repeats, ranges of no confidence, what says no time, the housing's pressure."""
+        def ping(number, payload):
+            frame = b"BR" + struct.pack("<HHBB", len(payload), number, 1, 0) + payload
+            return frame + struct.pack("<H", sum(frame))
+        found, _ = records("ping1d", "-", ping(1211, struct.pack("<IB", 3210, 77)) + ping(
+            1212, struct.pack("<IHHIIII", 1234, 0, 100, 7, 0, 5000, 3)))
+        self.assertEqual([record["range_mm"] for record in found], [[3210.0], [1234.0]])
+        self.assertEqual([record["quality"] for record in found], [[196], [0]])
+        lines = (b"wrz,0.120,-0.400,2.000,y,1.30,1.855,1e-07;0;1.4;0;1.2;0;0.2;0;1e+09,7,14,123.00,1*50\r\n"
+                 b"wrx,1075.51,0.000,0.000,0.000,2.707,-1.00,n,1*04\r\n")
+        found, summary = records("wldvl", "-", lines)
+        self.assertEqual([record["valid"] for record in found], [True, False])
+        self.assertEqual(summary["repeats"], 0)
+        body = b"\xff\x36\x07\x30\x10\x04" + struct.pack(">I", 101325)
+        found, _ = records("xsens", "-", b"\xfa" + body + bytes([-sum(body) & 255]))
+        self.assertEqual([record["pressure_pa"] for record in found], [101325])
+
     def test_depth_below_the_transducer_is_not_depth(self):
         # An echo sounder's, then that of an altimeter which knows the vehicle's depth as well.
         found, _ = records("nmea", "-", b"$SDDBT,,f,12.50,M,,F*00\r\n$SDDPT,3.6,0.0*52\r\n"

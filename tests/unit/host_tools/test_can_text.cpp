@@ -34,6 +34,9 @@ TEST(layouts_say_the_same) {
            " (2017-08-17 15:47:46.421964)  can0  09F112CC   [8]  ff 72 5a ff 7f ff 7f fd",
            "2017-08-17T15:47:46.421Z,2,127250,204,255,8,ff,72,5a,ff,7f,ff,7f,fd",
            "2017-08-17-15:47:46.421,2,127250,204,255,8,ff,72,5a,ff,7f,ff,7f,fd",
+           "2017-08-17 15:47:46.421, 2, 127250, 204, 255, 8, ff, 72, 5a, ff, 7f, ff, 7f, fd",
+           "<0x09f112cc> [8] ff 72 5a ff 7f ff 7f fd",
+           "00:17:55.475 R 09F112CC FF 72 5A FF 7F FF 7F FD",
        }) {
     const CanFrame frame = only_frame(line);
     assert_int_equal(frame.id, 0x09F112CCU | kCanExtended);
@@ -49,6 +52,8 @@ TEST(times_are_as_written) {
               1'502'984'866'421'964);
   assert_true(parsed("2016-02-29T23:59:59.999Z,2,127250,7,255,1,ff").t_us == 1'456'790'399'999'000);
   assert_true(parsed("(000.002000) can0 123#").t_us == 2'000);
+  assert_true(parsed("2016-02-29 23:59:59.999,2,127250,7,255,1,ff").t_us == 1'456'790'399'999'000);
+  assert_true(parsed("00:17:55.475 R 0DF50B23 FF").t_us == 1'075'475'000);
   assert_false(parsed("can0  123   [0]").t_us.has_value());
 }
 
@@ -113,6 +118,10 @@ TEST(other_lines_are_comments_or_bad) {
            "2016-02-28T19:57:02.364Z,2,127250,7,256,1,ff",
            "2016-13-28T19:57:02.364Z,2,127250,7,255,1,ff",
            "2016-02-28T19:57:02.364Z,2,127250",
+           "<0x09f112cc> ff 72",
+           "00:17:55.475 X 09F112CC FF",
+           "00:77:55.475 R 09F112CC FF",
+           "00:17:55.475 R 09F112CC FF 72 5A FF 7F FF 7F FD 00",
            "hello",
        }) {
     const CanLine result = parsed(line);
