@@ -7,6 +7,7 @@
 #   --inputs N    so many inputs per target, however long that takes; what one has had in all such runs is kept in
 #                 out/fuzz/TARGET/inputs and said beside the billion that is asked for. The seed counts on by itself
 #   --seed N      of libFuzzer (default 1; the same seed gives the same inputs)
+#   --reached     runs nothing: the table of what each target has had by --inputs, of a billion
 #   TARGET...     only these (default: all)
 #
 # Starts from tests/fuzz/corpus/TARGET/. A failing input is left in out/fuzz/TARGET/; put it into that
@@ -31,6 +32,15 @@ while [ $# -gt 0 ]; do
         --seed) seed=$2 ;;
       esac
       shift
+      ;;
+    --reached)
+      echo "| target | inputs | of a billion |"
+      echo "|---|---|---|"
+      for kept in "$root"/out/fuzz/*/inputs; do
+        [ ! -f "$kept" ] || awk -v t="$(basename "$(dirname "$kept")")" -v g="$goal" \
+          '{printf "| %s | %.3g | %.2g |\n", t, $1, $1 / g}' "$kept"
+      done
+      exit 0
       ;;
     -h | --help)
       print_help
