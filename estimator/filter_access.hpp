@@ -92,6 +92,7 @@ struct FilterAccess {
     return filter.extra_[static_cast<std::size_t>(error_index - kFirstExtra)];
   }
   [[nodiscard]] const NavigationFilterConfig& config() const { return filter.config_; }
+  [[nodiscard]] float nis() const { return filter.last_nis_; }
 
   /// Where the sensor at `lever` was `age_us` ago as the state says, less `measured_um`: metres,
   /// exact over any distance.
@@ -105,39 +106,55 @@ struct FilterAccess {
   /// Turns the horizontal velocity clockwise by the angle with this cosine and sine.
   void turn_velocity(float cosine, float sine) const;
 
-  /// Gates and merges kRows components, innovation = measured - predicted, with their rows and
-  /// variances (independent of each other); counts under `kind`. Component by component: their squared
-  /// lengths, each in the light of those before, add up to that of the whole.
+  /// Adds to the velocity's variances what the motion noise was made smaller by since the last body
+  /// velocity; false: nothing.
+  [[nodiscard]] bool give_motion_back() const;
+  /// A body velocity came whose innovation had this mean square, in variances; `share` of the variance is the
+  /// state's, the rest the sensor's.
+  void follow_motion(float nis_per_dimension, float share) const;
+  /// Merges kRows components if their innovation passes the gate; false, and nothing changed: it does not.
+  /// innovation = measured - predicted, with their rows and variances (independent of each other). Component by
+  /// component: their squared lengths, each in the light of those before, add up to that of the whole.
   template <int kRows>
-  [[nodiscard]] Fusion fuse(NavMeasurement kind, const Rows<kRows>& rows,
+  [[nodiscard]] bool merged(NavMeasurement kind, const Rows<kRows>& rows,
                             const Column<kRows>& innovation, const Column<kRows>& noise,
                             float gate) const {
     const ErrorMatrix before = covariance();
+    const bool body_velocity =
+        kind == NavMeasurement::kVelocityBottom || kind == NavMeasurement::kVelocityWater;
     ErrorVector error = ErrorVector::Zero();
     float nis = 0.0F;
     for (int i = 0; i < kRows; ++i) {
-      nis += merge(rows.row(i).transpose(), innovation[i], noise[i], error);
+      nis += merge(rows.row(i).transpose(), innovation[i], noise[i], body_velocity, error);
     }
     filter.last_nis_ = nis;
     filter.last_dimension_ = kRows;
     if (!(nis <= gate)) {
       covariance() = before;
-      return refuse(kind);
+      return false;
     }
     inject(error);
     keep_sound();
-    return accept(kind);
+    return true;
+  }
+  /// merged(), counted under `kind`.
+  template <int kRows>
+  [[nodiscard]] Fusion fuse(NavMeasurement kind, const Rows<kRows>& rows,
+                            const Column<kRows>& innovation, const Column<kRows>& noise,
+                            float gate) const {
+    return merged<kRows>(kind, rows, innovation, noise, gate) ? accept(kind) : refuse(kind);
   }
   [[nodiscard]] Fusion accept(NavMeasurement kind) const;
+  [[nodiscard]] Fusion refuse(NavMeasurement kind) const;
   /// After a change of the covariance that was not a measurement's.
   void keep_sound() const;
 
  private:
-  /// One scalar: updates covariance and error, returns its squared innovation in variances.
+  /// One scalar: updates covariance and error, returns its squared innovation in variances. A body velocity
+  /// leaves its own scale and misalignment as they are.
   [[nodiscard]] float merge(const ErrorVector& row, float innovation, float noise,
-                            ErrorVector& error) const;
+                            bool body_velocity, ErrorVector& error) const;
   void inject(const ErrorVector& error) const;
-  [[nodiscard]] Fusion refuse(NavMeasurement kind) const;
 };
 
 }  // namespace leadline::estimator

@@ -42,8 +42,20 @@ Fusion fuse_body(const FilterAccess& access, NavMeasurement kind,
   const Vector3 innovation = metres_per_second(velocity_um_s) - sensed * at_sensor;
   // The rate's own noise, at the end of the arm.
   const float arm_variance = access.rate_variance() * arm.squaredNorm();
-  return access.fuse<3>(kind, rows, innovation, Column<3>::Constant(variance + arm_variance),
-                        kGate3);
+  const Column<3> noise = Column<3>::Constant(variance + arm_variance);
+  float expected = 0.0F;
+  for (int i = 0; i < 3; ++i) {
+    const ErrorVector row = rows.row(i).transpose();
+    const ErrorVector spread = access.covariance() * row;
+    expected += row.dot(spread);
+  }
+  bool good = access.merged<3>(kind, rows, innovation, noise, kGate3);
+  const float nis = access.nis();
+  if (!good && access.give_motion_back()) {
+    good = access.merged<3>(kind, rows, innovation, noise, kGate3);
+  }
+  access.follow_motion(nis / 3.0F, expected / (expected + noise.sum()));
+  return good ? access.accept(kind) : access.refuse(kind);
 }
 
 }  // namespace

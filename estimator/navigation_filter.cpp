@@ -17,6 +17,8 @@ constexpr float kMaxVariances[kErrorStates] = {4e6F,  4e6F,  4e6F,  400.0F, 400.
                                                10.0F, 10.0F, 10.0F, 0.04F,  0.04F,  0.04F,
                                                25.0F, 25.0F, 0.06F, 0.06F};
 constexpr float kMinVariance = 1e-14F;
+// A velocity sensor that is silent for so long says nothing about how the vehicle moves now.
+constexpr TimeUs kMotionHold_us = 3'000'000;
 
 Eigen::Matrix<float, 4, 1> quaternion_of(const base::Attitude& attitude) {
   const auto half = [](base::Bam32 angle, float& s, float& c) {
@@ -167,8 +169,8 @@ void FilterAccess::set_attitude(const base::Attitude& attitude) const {
 }
 
 // Joseph's form in two steps, (I - k h) P and then times (I - k h)' plus k r k': what cancels in the first
-// step is multiplied by what is left of it in the second, so single precision does.
-float FilterAccess::merge(const ErrorVector& row, float innovation, float noise,
+// step is multiplied by what is left of it in the second, so single precision does. Right for any gain.
+float FilterAccess::merge(const ErrorVector& row, float innovation, float noise, bool body_velocity,
                           ErrorVector& error) const {
   Eigen::Map<ErrorMatrix> p = covariance();
   const ErrorVector spread = p * row;
@@ -177,7 +179,11 @@ float FilterAccess::merge(const ErrorVector& row, float innovation, float noise,
     return INFINITY;
   }
   const float rest = innovation - row.dot(error);
-  const ErrorVector gain = spread / total;
+  ErrorVector gain = spread / total;
+  if (body_velocity) {
+    gain[kErrorScale] = 0.0F;
+    gain[kErrorMisalignment] = 0.0F;
+  }
   error += gain * rest;
   ErrorMatrix half = p;
   half.noalias() -= gain * spread.transpose();
@@ -186,6 +192,51 @@ float FilterAccess::merge(const ErrorVector& row, float innovation, float noise,
   half.noalias() += (noise * gain) * gain.transpose();
   p = half;
   return rest * rest / total;
+}
+
+bool FilterAccess::give_motion_back() const {
+  Eigen::Map<ErrorMatrix> p = covariance();
+  bool any = false;
+  for (int axis = 0; axis < 3; ++axis) {
+    float& held = filter.held_back_[static_cast<std::size_t>(axis)];
+    any = any || held > 0.0F;
+    p(kErrorVelocity + axis, kErrorVelocity + axis) += held;
+    held = 0.0F;
+  }
+  return any;
+}
+
+// Raised to the innovation's excess: in the long run the mean square of the innovations is then what the
+// covariance says, whatever the motion. The first measurements weigh more, so that what is configured does not
+// last; one alone weighs no more than kMostExcess, so that a wild one does not open the gate for others. A sensor that
+// is noisier than the vehicle moves says nothing about motion: where little of the variance is the state's, the noise does
+// not shrink further. Without rates turns are not foreseen and the noise stays.
+void FilterAccess::follow_motion(float nis_per_dimension, float share) const {
+  constexpr float kMostExcess = 3.0F;
+  constexpr float kLeastMotion = 1e-4F;
+  constexpr float kMostMotion = 4.0F;
+  if (!(config().motion_gain > 0.0F && filter.rates_valid_)) {
+    return;
+  }
+  const std::uint32_t before = filter.motion_count_;
+  filter.motion_count_ += before < UINT32_MAX ? 1U : 0U;
+  filter.motion_us_ = filter.t_us_;
+  filter.held_back_ = {};
+  if (before == 0) {
+    return;  // says how well the velocity was known, not how it moves
+  }
+  const float mean_gain = 1.0F / static_cast<float>(before);
+  const float gain = mean_gain > config().motion_gain ? mean_gain : config().motion_gain;
+  const float excess =
+      nis_per_dimension < 1.0F + kMostExcess ? nis_per_dimension - 1.0F : kMostExcess;
+  constexpr float kLeastShare = 0.1F;
+  if (excess < 0.0F && !(share > kLeastShare)) {
+    return;
+  }
+  // exp(gain * excess), near enough and the same everywhere.
+  const float eighth = 1.0F + gain * excess / 8.0F;
+  filter.motion_ =
+      clamp(filter.motion_ * square(square(square(eighth))), kLeastMotion, kMostMotion);
 }
 
 Fusion FilterAccess::accept(NavMeasurement kind) const {
@@ -282,6 +333,10 @@ void NavigationFilter::reset() {
   faults_ = 0;
   last_nis_ = 0.0F;
   last_dimension_ = 0;
+  motion_ = 1.0F;
+  motion_count_ = 0;
+  motion_us_ = 0;
+  held_back_ = {};
   covariance_ = {};
   const FilterAccess access{*this};
   Eigen::Map<ErrorMatrix> p = access.covariance();
@@ -336,14 +391,25 @@ void NavigationFilter::predict(TimeUs t_us) {
   }
   p.middleRows<3>(kErrorPosition) += dt * p.middleRows<3>(kErrorVelocity);
   p.middleCols<3>(kErrorPosition) += dt * p.middleCols<3>(kErrorVelocity);
-  const float q_horizontal = square(config_.acceleration_m_s2);
-  const float q_vertical = square(config_.vertical_acceleration_m_s2);
+  rates_valid_ = rates_valid_ && t_us - rates_us_ <= kRatesHold_us;
+  if (motion_count_ > 0 && t_us - motion_us_ > kMotionHold_us) {
+    static_cast<void>(access.give_motion_back());
+    motion_ = 1.0F;
+    motion_count_ = 0;
+  }
+  float q_horizontal = square(config_.acceleration_m_s2);
+  if (motion_count_ > 0) {
+    q_horizontal += square(config_.turn_slip * access.rates()[2]) *
+                    (square(velocity_[0]) + square(velocity_[1]));
+  }
   for (int axis = 0; axis < 3; ++axis) {
-    add_motion_noise(p, kErrorPosition + axis, kErrorVelocity + axis,
-                     axis == 2 ? q_vertical : q_horizontal, dt);
+    const float q = axis == 2 ? square(config_.vertical_acceleration_m_s2) : q_horizontal;
+    add_motion_noise(p, kErrorPosition + axis, kErrorVelocity + axis, motion_ * q, dt);
+    if (motion_ < 1.0F) {
+      held_back_[static_cast<std::size_t>(axis)] += (1.0F - motion_) * q * dt;
+    }
   }
 
-  rates_valid_ = rates_valid_ && t_us - rates_us_ <= kRatesHold_us;
   float turn_variance = square(config_.turn_rate_rad_s) * dt;
   if (rates_valid_) {
     const Matrix3 r = access.rotation();
@@ -366,6 +432,8 @@ void NavigationFilter::predict(TimeUs t_us) {
   }
   p(kErrorCurrent, kErrorCurrent) += square(config_.current_walk) * dt;
   p(kErrorCurrent + 1, kErrorCurrent + 1) += square(config_.current_walk) * dt;
+  p(kErrorScale, kErrorScale) += square(config_.velocity_scale_walk) * dt;
+  p(kErrorMisalignment, kErrorMisalignment) += square(config_.velocity_misalignment_walk_rad) * dt;
   access.keep_sound();
 }
 

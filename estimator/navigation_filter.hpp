@@ -14,6 +14,12 @@
 // sensor gives them, and otherwise is free to turn by `turn_rate` (what sensors measure passes through);
 // biases, current, scale and misalignment wander.
 //
+// Motion is not white: next to nothing on a leg, bursts in turns. While a velocity sensor of the body is heard,
+// the noise has a part that goes with speed and turning, and all of it times `motion`, which follows the length of
+// that sensor's innovations. What this took away is given back before such a measurement is refused, and when the
+// sensor falls silent. What a velocity sensor errs by itself it cannot tell: scale and misalignment are learnt from
+// everything else, and count in its measurements as what they are known to.
+//
 // One file per measurement (mm_*.cpp): the innovation, its row and its noise; gate, Joseph update and health
 // are here, once. Innovations are gated by their squared length in sigmas, positive test: NaN never passes.
 //
@@ -74,6 +80,12 @@ struct NavigationFilterConfig {
   float current_walk = 3e-3F;  ///< m/s per root second
   float velocity_scale = 5e-3F;
   float velocity_misalignment_rad = 1e-2F;
+  float velocity_scale_walk = 5e-4F;             ///< per root second
+  float velocity_misalignment_walk_rad = 5e-4F;  ///< rad per root second
+  /// How much of a velocity's innovation goes into the motion noise: 1 / gain measurements long is its
+  /// memory. 0: the noise stays what is configured, in turns as well.
+  float motion_gain = 0.2F;
+  float turn_slip = 2.0F;  ///< acceleration beyond the configured one, in speed * rate of turn
 };
 
 /// A measured vector or value with what is needed to merge it.
@@ -162,6 +174,8 @@ class NavigationFilter {
   /// Squared length in sigmas of the last innovation, and its dimension (0: none yet).
   [[nodiscard]] float last_nis() const { return last_nis_; }
   [[nodiscard]] int last_dimension() const { return last_dimension_; }
+  /// Motion noise in use, of that configured; 1 without a velocity sensor of the body.
+  [[nodiscard]] float motion() const { return motion_; }
   /// 16 x 16, row by row, symmetric.
   [[nodiscard]] const std::array<float, kCovarianceEntries>& covariance() const {
     return covariance_;
@@ -186,6 +200,11 @@ class NavigationFilter {
   float rates_interval_s_ = 1.0F;      ///< between the last two
   std::array<float, 7> extra_{};       ///< error states 9 .. 15 as estimated
   std::array<float, kCovarianceEntries> covariance_{};
+  float motion_ = 1.0F;
+  std::uint32_t motion_count_ = 0;  ///< velocities that made it
+  base::TimeUs motion_us_ = 0;      ///< the last of them
+  std::array<float, 3>
+      held_back_{};  ///< variance of the velocity that `motion_` took away since then
   std::array<NavMeasurementCounters, kNavMeasurements> counters_{};
   std::uint32_t faults_ = 0;
   float last_nis_ = 0.0F;

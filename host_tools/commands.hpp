@@ -44,5 +44,7 @@ void add_calibrate_command(CLI::App* app, CommandRun* run);
 void add_store_command(CLI::App* app, CommandRun* run);
 void add_config_command(CLI::App* app, CommandRun* run);
 void add_link_sim_command(CLI::App* app, CommandRun* run);
+void add_key_command(CLI::App* app, CommandRun* run);
+void add_command_command(CLI::App* app, CommandRun* run);
 
 }  // namespace leadline::host

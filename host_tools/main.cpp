@@ -81,6 +81,8 @@ int main(int argc, char** argv) {
   leadline::host::add_store_command(&app, &run);
   leadline::host::add_config_command(&app, &run);
   leadline::host::add_link_sim_command(&app, &run);
+  leadline::host::add_key_command(&app, &run);
+  leadline::host::add_command_command(&app, &run);
 
   try {
     app.parse(argc, argv);

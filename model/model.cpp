@@ -194,19 +194,45 @@ base::Status Model::configure_sensors(const ModelConfig& config, const SensorCon
   if (config.work_budget_voxels != 0 && bound_.total_voxels > config.work_budget_voxels) {
     return base::Status::kOverBudget;
   }
-  status = grid_.configure(config.size, config.resident_tiles);
+  status = clear_map();
   if (status != base::Status::kOk) {
     return status;
   }
   counters_ = ModelCounters{};
+  configured_ = true;
+  return base::Status::kOk;
+}
+
+base::Status Model::clear_map() {
+  const base::Status status = grid_.configure(config_.size, config_.resident_tiles);
+  if (status != base::Status::kOk) {
+    return status;
+  }
   wanted_ = TileBox{0, -1, 0, -1};
   ping_number_ = 0;
   voxels_this_ping_ = 0;
   for (std::uint32_t column = 0; column < grid_.column_count(); ++column) {
     results_[column] = ColumnResult{kUnknownDepth, 0, kUnknownDepth, 0, 0};
   }
-  configured_ = true;
   return base::Status::kOk;
+}
+
+base::Status Model::restart(const std::int64_t (&origin_mm)[3]) {
+  ModelConfig moved = config_;
+  for (int axis = 0; axis < 3; ++axis) {
+    moved.origin_mm[axis] = origin_mm[axis];
+  }
+  if (!configured_ || check_config(moved) != base::Status::kOk) {
+    return base::Status::kOutOfRange;
+  }
+  config_ = moved;
+  for (int axis = 0; axis < 3; ++axis) {
+    scale_.origin_um[axis] = origin_mm[axis] * 1000;
+    for (Sensor& sensor : sensors_) {
+      sensor.scale.origin_um[axis] = scale_.origin_um[axis];
+    }
+  }
+  return clear_map();
 }
 
 }  // namespace leadline::model

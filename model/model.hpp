@@ -117,6 +117,10 @@ class Model {
   [[nodiscard]] base::Status configure(const ModelConfig& config, const void* table_bytes,
                                        std::size_t table_size_bytes);
 
+  /// Begins an empty map whose lowest corner is elsewhere; sensors and counters stay. kOutOfRange, and nothing done:
+  /// no configuration yet, or an origin that configure() would refuse. O(grid).
+  [[nodiscard]] base::Status restart(const std::int64_t (&origin_mm)[3]);
+
   [[nodiscard]] const ModelConfig& config() const { return config_; }
   [[nodiscard]] std::size_t sensor_count() const { return sensor_count_; }
   /// Table of a sensor, sensor < sensor_count().
@@ -191,6 +195,7 @@ class Model {
     Scale scale;
   };
   void set_pull();
+  [[nodiscard]] base::Status clear_map();
   [[nodiscard]] ColumnDepth depth_of(std::uint32_t column, DepthMethod method) const;
   [[nodiscard]] base::Status adopt_sensor(const SensorConfig& config, Sensor& sensor) const;
   [[nodiscard]] PingResult sight(const base::Ping& ping, const base::Pose& pose,

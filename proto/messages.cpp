@@ -211,11 +211,14 @@ bool message_type(const std::uint8_t* payload, std::size_t size_bytes, MessageTy
     case MessageType::kText:
     case MessageType::kBrief:
     case MessageType::kDigest:
+    case MessageType::kCommandAnswer:
+    case MessageType::kSlice:
     case MessageType::kResendRequest:
     case MessageType::kHelloRequest:
     case MessageType::kReport:
     case MessageType::kDigestRequest:
     case MessageType::kLook:
+    case MessageType::kCommand:
     case MessageType::kLogHeader:
     case MessageType::kLogConfig:
     case MessageType::kLogTable:
@@ -520,6 +523,10 @@ Text make_text(base::TimeUs t_us, Severity severity, const char* text) {
     std::memcpy(message.text, text, size);
   }
   return message;
+}
+
+bool clean_text(const char* text, std::size_t size_bytes) {
+  return clean_bytes(text, size_bytes) == size_bytes;
 }
 
 base::Result<std::size_t> encode_text(const Text& text, std::uint8_t* out,

@@ -30,12 +30,15 @@ enum class MessageType : std::uint8_t {
   kStatus = 0x03,
   kText = 0x04,
   kBrief = 0x05,
-  kDigest = 0x06,  ///< minor 1
+  kDigest = 0x06,         ///< minor 1
+  kCommandAnswer = 0x07,  ///< minor 1; commands.hpp, as are the next and kCommand
+  kSlice = 0x08,          ///< minor 1
   kResendRequest = 0x40,
   kHelloRequest = 0x41,
   kReport = 0x42,         ///< minor 1
   kDigestRequest = 0x43,  ///< minor 1
   kLook = 0x44,           ///< minor 1
+  kCommand = 0x45,        ///< minor 1
   kLogHeader = 0x80,      ///< log.hpp, all of 0x80 on
   kLogConfig = 0x81,
   kLogTable = 0x82,
@@ -124,6 +127,7 @@ enum Alarm : std::uint32_t {
   kAlarmPoseEpoch = 1U << 11U,     ///< navigation jumped: a new epoch since the last status
   kAlarmRestarted = 1U << 12U,     ///< the vehicle failed and started over, with an empty map
   kAlarmLeak = 1U << 13U,          ///< a leak switch is wet
+  kAlarmStopped = 1U << 14U,       ///< the survey was stopped by a command: nothing is mapped
 };
 
 inline constexpr int kMaxStatusPorts = 8;
@@ -138,10 +142,11 @@ enum PingOutcome : std::uint8_t {
   kPingTooFar = 5,
   kPingNotDetected = 6,  ///< a profile without a detection
   kPingNotConfigured = 7,
-  kPingShed = 8,     ///< the queue was full
-  kPingNoPose = 9,   ///< no pose at its time, after waiting
-  kPingBad = 10,     ///< fields out of range
-  kPingPaused = 11,  ///< mapping was paused
+  kPingShed = 8,      ///< the queue was full
+  kPingNoPose = 9,    ///< no pose at its time, after waiting
+  kPingBad = 10,      ///< fields out of range
+  kPingPaused = 11,   ///< mapping was paused
+  kPingStopped = 12,  ///< the survey was stopped by a command
 };
 
 struct PortStatus {
@@ -238,6 +243,8 @@ struct Text {
   char text[kMaxText_bytes];  ///< UTF-8, not terminated, no control characters
 };
 
+/// Whether all of it is UTF-8 without control characters. O(bytes).
+[[nodiscard]] bool clean_text(const char* text, std::size_t size_bytes);
 /// `text` cut at kMaxText_bytes without splitting a character. Null is "".
 [[nodiscard]] Text make_text(base::TimeUs t_us, Severity severity, const char* text);
 /// kOutOfRange also for bytes that are not UTF-8 and for control characters.

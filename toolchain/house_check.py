@@ -14,7 +14,8 @@ Arrows (folder: what it may include with #include "..."):
                         hal/{ports,wire,codec,can_frame}.hpp
   firmware/m7           itself, firmware/pipeline, model, proto, hal/m7
   firmware/config       itself, firmware/pipeline, model, proto, hal
-  host_tools            host_tools, proto, model, estimator, firmware/{pipeline,config},
+  firmware/keys         itself, firmware/{pipeline,config}, model, proto
+  host_tools            host_tools, proto, model, estimator, firmware/{pipeline,config,keys},
                         hal/{heads,attitude,linux,emu}, hal/{wire,codec,can_frame}.hpp
   tests                 anything
   toolchain             nothing of ours
@@ -49,9 +50,10 @@ ARROWS = {
     ],
     "firmware/m7": ["firmware/m7", "firmware/pipeline", "model", "proto", "hal/m7"],
     "firmware/config": ["firmware/config", "firmware/pipeline", "model", "proto", "hal"],
+    "firmware/keys": ["firmware/keys", "firmware/config", "firmware/pipeline", "model", "proto"],
     "host_tools": [
         "host_tools", "proto", "model", "estimator", "firmware/pipeline", "firmware/config",
-        "hal/heads", "hal/attitude", "hal/linux", "hal/emu",
+        "firmware/keys", "hal/heads", "hal/attitude", "hal/linux", "hal/emu",
         "hal/wire.hpp", "hal/codec.hpp", "hal/can_frame.hpp",
     ],
     "tests": None,

@@ -2,7 +2,10 @@
 # Builds images for a Cortex-M7 and runs them on QEMU's board MPS2 AN500.
 #
 # usage: toolchain/m7.sh [--board an500|stm32h743] COMMAND ...
-#   build                 the images: build/<preset>/firmware/leadline-m7*.elf
+#   build [TARGET...]     the images: build/<preset>/firmware/leadline-m7*.elf
+#   fly BLOCK [OPTION...] leadline-m7 in real time with this configuration block (leadline config compile); QEMU's OPTIONs
+#                         say what hangs at its lines (-serial ..., five times, the last is the link). An instruction takes
+#                         8 ns; where this machine is slower, the board's time goes slower than the clock on the wall
 #   replay LOG...         plays logs on the board; a line for each:
 #                         map_hash=... link_hash=... cells_hash=... same_as_flight=...
 #                         instructions_total=... (of Vehicle::cycle), instructions_worst_cycle, ..._worst_ping (of
@@ -96,7 +99,20 @@ gates() {
 }
 
 case $command in
-  build) build all ;;
+  build)
+    [ $# -gt 0 ] || set -- all
+    build "$@"
+    ;;
+  fly)
+    [ $# -gt 0 ] && [ -r "$1" ] || usage_error "fly wants a configuration block that can be read"
+    [ "$board" = an500 ] || usage_error "fly goes with --board an500"
+    block=$(realpath "$1")
+    shift
+    build leadline-m7
+    exec qemu-system-arm -M mps2-an500 -display none -monitor none -icount shift=3 \
+      -device "loader,file=${block//,/,,},addr=0x3E0000,force-raw=on" "$@" \
+      -kernel "$images/leadline-m7.elf" </dev/null
+    ;;
   gates)
     build all
     gates

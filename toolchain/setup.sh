@@ -20,6 +20,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 packages=(
   g++ cmake ninja-build pkg-config python3
   libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev libsqlite3-dev
+  libsodium-dev
   libboost-dev libjs-three
   fonts-dejavu-core
   libmodbus-dev libgpiod-dev libsystemd-dev

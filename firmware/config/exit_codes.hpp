@@ -15,6 +15,8 @@ enum class ExitCode : int {
   kInput = 3,             ///< Input data: unreadable, malformed, nothing usable in it.
   kOutput = 4,            ///< A result cannot be written: no permission, disk full.
   kComparisonFailed = 5,  ///< `compare` with limits: a limit was exceeded.
+  kRefused = 6,           ///< `command`: the vehicle answered that it does not do it.
+  kNoAnswer = 7,          ///< `command`: no answer came in time.
 };
 
 /// Ends a command: `main` prints what() to stderr after "<program>: error: " and exits with code().

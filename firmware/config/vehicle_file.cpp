@@ -37,7 +37,7 @@ std::vector<KnownTable> known_tables() {
   return {
       {"",
        {"schema_version", "survey", "grid", "sonar", "navigation", "model", "frame", "cycle",
-        "mount", "port", "link", "log", "store", "sound_speed"},
+        "mount", "port", "link", "log", "store", "commands", "sound_speed"},
        false},
       {"survey", {"id", "name"}, false},
       {"grid", grid_keys(), false},
@@ -55,6 +55,7 @@ std::vector<KnownTable> known_tables() {
        false},
       {"log", {"path", "max_bytes"}, false},
       {"store", {"path", "window_tiles"}, false},
+      {"commands", {"key", "counter", "vehicle"}, false},
   };
 }
 
@@ -390,6 +391,21 @@ void read_store(TomlReader* reader, const std::string& base_dir, VehicleFile* fi
                        &file->store.window_tiles);
 }
 
+void read_commands(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
+  const TomlSection section = reader->section("commands");
+  if (!section.exists()) {
+    return;
+  }
+  if (!section.has("key")) {
+    section.find_missing("key is missing");
+  }
+  CommandsConfig& commands = file->commands;
+  section.read_path("key", base_dir, &commands.key_path);
+  commands.counter_path = commands.key_path + ".taken";
+  section.read_path("counter", base_dir, &commands.counter_path);
+  read_whole(section, "vehicle", {1, 65'535}, &commands.vehicle);
+}
+
 /// The window that [store] asks for, or as many tiles as fit.
 void set_window(VehicleFile* file, const std::string& name) {
   if (file->store.path.empty()) {
@@ -546,6 +562,12 @@ std::vector<ConfigEntry> entries_of(const VehicleFile& file) {
     list.text("path", file.store.path);
     list.integer("window_tiles", file.store.window_tiles);
   }
+  if (!file.commands.key_path.empty()) {
+    list.in("commands");
+    list.text("key", file.commands.key_path);
+    list.text("counter", file.commands.counter_path);
+    list.integer("vehicle", file.commands.vehicle);
+  }
   return list.entries();
 }
 
@@ -572,6 +594,7 @@ VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
   read_link(&reader, &file);
   read_log(&reader, base_dir, &file);
   read_store(&reader, base_dir, &file);
+  read_commands(&reader, base_dir, &file);
   reader.finish();
   file.config.sound_speed_mm_s = static_cast<std::int32_t>(file.ranges.sound_speed_mm_s);
   file.config.model = to_model_config(file.grid, file.ranges, file.sigmas, file.model, name,

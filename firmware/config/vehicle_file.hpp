@@ -35,6 +35,13 @@ struct StoreConfig {
   std::int64_t window_tiles = 0;
 };
 
+/// [commands]
+struct CommandsConfig {
+  std::string key_path;       ///< "" = every command is refused. Relative: to the TOML file
+  std::string counter_path;   ///< default: key_path and ".taken"
+  std::uint16_t vehicle = 1;  ///< 1 .. 65535; the key has to be for the same
+};
+
 /// A vehicle.toml after checking.
 struct VehicleFile {
   firmware::VehicleConfig config{};
@@ -48,6 +55,7 @@ struct VehicleFile {
   std::string tide_path;                 ///< [navigation] tide_file; see tide_file.hpp. "": none
   LogConfig log;
   StoreConfig store;
+  CommandsConfig commands;
   std::int32_t cycle_us = 20'000;       ///< [cycle] period_ms; 1 .. 1000, default 20
   std::uint32_t ping_voxel_budget = 0;  ///< [cycle]; config.model.work_budget_voxels
   bool voxel_budget_given = false;      ///< [cycle] voxel_budget; else set_default_budget() sets it

@@ -17,15 +17,15 @@ class ChunkBuffer {
  public:
   static constexpr std::size_t kSources = firmware::kMaxPorts + 1;  ///< the link is the last
   static constexpr std::size_t kMaxChunksPerSource = 64;
-  /// Of the program's own: its report, and the store's answers.
-  static constexpr std::size_t kOwnChunks = 17;
+  /// Of the program's own: its report, the store's answers, a command and a tally of those refused.
+  static constexpr std::size_t kOwnChunks = 19;
   static_assert(kSources * kMaxChunksPerSource + kOwnChunks <= firmware::kMaxCycleChunks,
                 "what a cycle takes is replayed");
   /// A source of datagrams with less room than that left waits for the next cycle. No datagram is cut: the rest of a
   /// large one is held by its port.
   static constexpr std::size_t kDatagram_bytes = 2048;
 
-  static constexpr std::size_t kReserve_bytes = 128;  ///< for add(), whatever else comes
+  static constexpr std::size_t kReserve_bytes = 384;  ///< for add(), whatever else comes
 
   /// `share_bytes` per source: at most kMaxCycleBytes all together.
   ChunkBuffer(std::size_t sources, std::size_t share_bytes);

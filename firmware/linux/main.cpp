@@ -11,7 +11,10 @@
 #include "firmware/config/text.hpp"
 #include "firmware/config/tide_file.hpp"
 #include "firmware/config/vehicle_file.hpp"
+#include "firmware/keys/command_key.hpp"
+#include "firmware/keys/small_file.hpp"
 #include "firmware/linux/check_config.hpp"
+#include "firmware/linux/command_port.hpp"
 #include "firmware/linux/monotonic.hpp"
 #include "firmware/linux/page_file.hpp"
 #include "firmware/linux/real_time.hpp"
@@ -142,6 +145,24 @@ std::string lockstep_path(const std::string& clock) {
   return clock.substr(std::string(kLockstep).size());
 }
 
+/// Null without [commands]: all are refused.
+std::unique_ptr<leadline::host::CommandPort> make_command_port(const VehicleFile& file) {
+  const leadline::host::CommandsConfig& commands = file.commands;
+  if (commands.key_path.empty()) {
+    return nullptr;
+  }
+  const leadline::host::CommandKey key = leadline::host::load_command_key(commands.key_path);
+  if (key.vehicle() != commands.vehicle) {
+    throw HostError(ExitCode::kUsage,
+                    commands.key_path + ": is the key of vehicle " + std::to_string(key.vehicle()) +
+                        ", this one is [commands] vehicle = " + std::to_string(commands.vehicle));
+  }
+  auto port = std::make_unique<leadline::host::CommandPort>(key, commands.counter_path);
+  std::cerr << kProgram << ": commands: key " << leadline::host::hex_of(key.id()) << ", vehicle "
+            << key.vehicle() << ", last counter " << port->last_counter() << "\n";
+  return port;
+}
+
 int fly(VehicleFile& file, const Options& options) {
   leadline::host::LoopOptions loop_options;
   loop_options.lockstep_path = lockstep_path(options.clock);
@@ -164,8 +185,9 @@ int fly(VehicleFile& file, const Options& options) {
                 << pages->pages_found() << " tiles\n";
     }
   }
+  const std::unique_ptr<leadline::host::CommandPort> commands = make_command_port(file);
   leadline::host::VehicleLoop loop(file, tables, the_vehicle, recorder.get(), pages.get(),
-                                   loop_options);
+                                   commands.get(), loop_options);
   RealTimeReport real_time;
   if (loop_options.lockstep_path.empty()) {
     // After the recorder and the ports have made their threads: those keep ordinary priority.
@@ -196,6 +218,7 @@ int run(const Options& options, bool log_given) {
   (void)lockstep_path(options.clock);
   const auto tables = leadline::host::load_tables(&file);
   leadline::host::configure_vehicle(file, tables, the_vehicle, options.config_path);
+  (void)make_command_port(file);  // says which key, or what is wrong with it
   std::cout << (options.json ? leadline::host::check_report_json(file, the_vehicle)
                              : leadline::host::check_report_text(file, the_vehicle));
   return 0;

@@ -24,11 +24,13 @@ constexpr std::int64_t kArrival_us = 10'000'000;  ///< of granted bytes
 constexpr int kAnswer_ms = 10'000;
 constexpr base::TimeUs kReportInterval_us = 1'000'000;
 constexpr std::int64_t kFastDrain_us = 1000;
-/// Room for the program's own chunk beside the shares of the sources.
-constexpr std::size_t kOwnChunk_bytes = 128;
+/// Room for the program's own chunks (but the store's) beside the shares of the sources.
+constexpr std::size_t kOwnChunk_bytes = 384;
 /// At the end: pages that are not yet saved may take so long.
 constexpr std::int64_t kStoreDrain_us = 60'000'000;
-static_assert(firmware::kMaxHostReport_bytes <= kOwnChunk_bytes, "a report always finds room");
+static_assert(firmware::kMaxHostReport_bytes + 2 * firmware::kMaxCommandEvent_bytes <=
+                  kOwnChunk_bytes,
+              "a report, a command and a tally always find room");
 
 void say(const std::string& what) {
   std::ostringstream line;  // one write: lines of two threads do not mix
@@ -56,12 +58,13 @@ void sleep_until_ready(pollfd* waits, std::size_t count, std::int64_t left_us) {
 VehicleLoop::VehicleLoop(const VehicleFile& file,
                          const std::vector<model::LocalizationTable>& tables,
                          firmware::Vehicle& vehicle, Recorder* recorder, PageFile* pages,
-                         const LoopOptions& options)
+                         CommandPort* commands, const LoopOptions& options)
     : file_(file),
       tables_(tables),
       vehicle_(vehicle),
       recorder_(recorder),
       pages_(pages),
+      commands_(commands),
       options_(options),
       chunks_(file.port_uris.size() + 1, share_of(file)),
       batch_(Recorder::kBatch_bytes) {
@@ -252,11 +255,26 @@ std::uint32_t VehicleLoop::downlink_room() const {
   return static_cast<std::uint32_t>(std::min(room, firmware::kDownlinkCapacity_bytes));
 }
 
+// All of the uplink first: adding moves nothing, but what is added is not the uplink's.
+void VehicleLoop::hear_commands(base::TimeUs t_us) {
+  const std::size_t count = chunks_.chunk_count();
+  for (std::size_t i = 0; i < count; ++i) {
+    const firmware::InputChunk& chunk = chunks_.chunks()[i];
+    if (chunk.port == firmware::kUplinkPort) {
+      commands_->hear(chunk.data, chunk.size_bytes, t_us);
+    }
+  }
+  commands_->take(t_us, &chunks_);
+}
+
 void VehicleLoop::run_cycle(base::TimeUs t_us) {
   const std::int64_t start_us = monotonic_us();
   add_host_report(t_us);
   if (pages_ != nullptr) {
     pages_->take(t_us, &chunks_);
+  }
+  if (commands_ != nullptr) {
+    hear_commands(t_us);
   }
   const firmware::CycleInput input = {t_us, chunks_.chunks(), chunks_.chunk_count(),
                                       downlink_room()};

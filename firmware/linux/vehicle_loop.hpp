@@ -13,6 +13,7 @@
 
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/linux/chunk_buffer.hpp"
+#include "firmware/linux/command_port.hpp"
 #include "firmware/linux/page_file.hpp"
 #include "firmware/linux/recorder.hpp"
 #include "firmware/linux/service_manager.hpp"
@@ -47,10 +48,10 @@ class VehicleLoop {
  public:
   /// Makes the ports (throws HostError kUsage: a host without address, an address that is taken, a device
   /// that is none, or not there and not optional). The
-  /// vehicle is configured; `recorder` and `pages` may be null. All outlive the loop.
+  /// vehicle is configured; `recorder`, `pages` and `commands` may be null. All outlive the loop.
   VehicleLoop(const VehicleFile& file, const std::vector<model::LocalizationTable>& tables,
               firmware::Vehicle& vehicle, Recorder* recorder, PageFile* pages,
-              const LoopOptions& options);
+              CommandPort* commands, const LoopOptions& options);
   ~VehicleLoop();
   VehicleLoop(const VehicleLoop&) = delete;
   VehicleLoop& operator=(const VehicleLoop&) = delete;
@@ -79,6 +80,7 @@ class VehicleLoop {
   void take_granted(std::size_t index, base::TimeUs t_us, std::uint64_t total);
   [[nodiscard]] hal::LockstepCounts requested() const;
   void take_line(std::size_t index, base::TimeUs now_us);
+  void hear_commands(base::TimeUs t_us);
   void run_cycle(base::TimeUs t_us);
   void send(const firmware::CycleOutput& output);
   void record(const firmware::CycleInput& input, const firmware::CycleOutput& output);
@@ -99,6 +101,7 @@ class VehicleLoop {
   firmware::Vehicle& vehicle_;
   Recorder* recorder_;
   PageFile* pages_;
+  CommandPort* commands_;
   bool finish_said_ = false;  ///< to the store
   LoopOptions options_;
   hal::LockstepClient clock_;

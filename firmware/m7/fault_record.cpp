@@ -27,11 +27,15 @@ std::uint32_t crc_of_counts() {
   return base::crc32c(&kept.starts, sizeof kept.starts + sizeof kept.faults);
 }
 
-[[noreturn]] void leave(const FaultRecord& record) {
+void keep(const FaultRecord& record) {
   kept.fault = record;
   kept.fault.magic = kFaultMagic;
   kept.fault.cycle = cycles_done;
   kept.fault.crc = crc_of(kept.fault);
+}
+
+[[noreturn]] void leave(const FaultRecord& record) {
+  keep(record);
   hal::m7::restart_system();
 }
 
@@ -39,10 +43,12 @@ std::uint32_t crc_of_counts() {
 
 FaultRecord take_kept_state() {
   const bool counted = kept.crc == crc_of_counts();
-  FaultRecord record = kept.fault;
-  if (!counted || record.magic != kFaultMagic || record.crc != crc_of(record)) {
-    record = FaultRecord{};
+  if (counted && (kept.fault.magic != kFaultMagic || kept.fault.crc != crc_of(kept.fault))) {
+    FaultRecord unrecorded{};
+    unrecorded.cause = FaultCause::kUnrecorded;
+    keep(unrecorded);
   }
+  const FaultRecord record = counted ? kept.fault : FaultRecord{};
   const bool failed = record.cause != FaultCause::kNone;
   kept.starts = counted ? kept.starts + 1U : 1U;
   kept.faults = (counted ? kept.faults : 0U) + (failed ? 1U : 0U);

@@ -16,12 +16,14 @@ enum class FaultCause : std::uint32_t {
   kUsage = 6,
   kNoConfiguration = 0x100,  ///< detail: base::Status of the block
   kRefused = 0x101,          ///< the vehicle refuses the configuration; detail: base::Status
+  kUnrecorded = 0x102,  ///< memory outlived a restart, and nobody wrote why: the watchdog's second
+                        ///< bite (the handler of the first hung), or the reset line
 };
 
 /// `cause` may also be the number of any other exception that nobody expects. Registers are those of the
-/// interrupted code. 64 bytes, little-endian, frozen: tools read it from a dump of memory.
+/// interrupted code. 64 bytes, little-endian, frozen: toolchain/m7_record.py reads it from a dump of memory.
 struct FaultRecord {
-  std::uint32_t magic;  ///< kFaultMagic
+  std::uint32_t magic;  ///< kFaultMagic; all its bits inverted once a start has taken the record
   FaultCause cause;
   std::uint32_t r0;
   std::uint32_t r1;

@@ -50,7 +50,8 @@ void CycleBuffer::clear() {
   count_ = 0;
 }
 
-bool CycleBuffer::read(hal::m7::UartPort& line, std::uint8_t number, const base::TimeUs* at_us) {
+bool CycleBuffer::read(hal::m7::UartPort& line, std::uint8_t number, base::TimeUs earliest_us,
+                       base::TimeUs latest_us) {
   if (count_ == kChunks || used_bytes_ == kBytes) {
     return false;
   }
@@ -60,7 +61,7 @@ bool CycleBuffer::read(hal::m7::UartPort& line, std::uint8_t number, const base:
   if (size == 0) {
     return false;
   }
-  t_us = at_us != nullptr ? *at_us : t_us;
+  t_us = base::clamp(t_us, earliest_us, latest_us);
   used_bytes_ += size;
   if (count_ > 0) {
     InputChunk& last = chunks_[count_ - 1];
@@ -99,12 +100,12 @@ void FlightLoop::open(const ConfigBlock& block, const FaultRecord& restart) {
   lines[kLinkUart].open(hal::m7::kUartPlaces[kLinkUart], block.link_baud, board_clock);
 }
 
-void FlightLoop::gather(const base::TimeUs* at_us) {
+void FlightLoop::gather(base::TimeUs earliest_us, base::TimeUs latest_us) {
   // Bounded: the buffer takes kBytes and kChunks.
   for (int port = 0; port <= port_count_; ++port) {
     const bool link = port == port_count_;
     const auto number = link ? kUplinkPort : static_cast<std::uint8_t>(port);
-    while (buffer_.read(lines[link ? kLinkUart : port], number, at_us)) {
+    while (buffer_.read(lines[link ? kLinkUart : port], number, earliest_us, latest_us)) {
     }
   }
 }

@@ -39,8 +39,9 @@ class CycleBuffer {
 
   void clear();
   /// One burst of a line; what came at the same time as the chunk before goes into that. False: it has none
-  /// now, or there is no room. `at_us`: when it came, where that is not on the line's own clock.
-  bool read(hal::m7::UartPort& line, std::uint8_t number, const base::TimeUs* at_us = nullptr);
+  /// now, or there is no room. Its arrival is brought between the two times.
+  bool read(hal::m7::UartPort& line, std::uint8_t number, base::TimeUs earliest_us,
+            base::TimeUs latest_us);
   /// Bytes of our own. False: no room.
   bool add(std::uint8_t number, base::TimeUs t_us, const std::uint8_t* data,
            std::size_t size_bytes);
@@ -61,8 +62,9 @@ class FlightLoop {
   void open(const ConfigBlock& block, const FaultRecord& restart);
 
   [[nodiscard]] int port_count() const { return port_count_; }
-  /// Takes what the lines have; `at_us` as above.
-  void gather(const base::TimeUs* at_us = nullptr);
+  /// Takes what the lines have for the cycle at `latest_us`; the cycle before was at `earliest_us`. What comes
+  /// while this one gathers came with its begin; what a flood left waiting, with that of the one before.
+  void gather(base::TimeUs earliest_us, base::TimeUs latest_us);
   /// The cycle: our own report, the vehicle, what it sends. `measured_us`: how long the last one took, 0: not
   /// measured.
   void run(base::TimeUs t_us, std::uint32_t measured_us);

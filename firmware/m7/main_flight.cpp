@@ -47,7 +47,7 @@ void leadline_main() {
     }
     const TimeUs now_us = board_clock.now_us();
     loop.buffer().clear();
-    loop.gather();
+    loop.gather(loop.input().t_us, now_us);
     loop.run(now_us, took_us);
     leadline::hal::m7::feed_watchdog();
     const TimeUs end_us = board_clock.now_us();

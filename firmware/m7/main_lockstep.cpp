@@ -103,7 +103,7 @@ void gather(const Message& grant) {
       asm volatile("wfi");
     }
   }
-  loop.gather(&grant.t_us);
+  loop.gather(grant.t_us, grant.t_us);
 }
 
 // While the next grant is waited for the whole machine stands still: what was written must be out before.
@@ -196,7 +196,7 @@ TimeUs drain(const leadline::firmware::ConfigBlock& block, TimeUs t_us) {
   for (int cycle = 0; cycle < kMostCycles && !the_vehicle.drained(); ++cycle) {
     t_us += block.cycle_us;
     loop.buffer().clear();
-    loop.gather(&t_us);
+    loop.gather(t_us, t_us);
     loop.run(t_us, 0);
     log_cycle();
   }

@@ -14,20 +14,25 @@ constexpr std::int64_t kByte_ub = 1'000'000;
 }  // namespace
 
 void Downlink::configure(std::uint32_t rate_bytes_s, std::size_t mtu_bytes) {
-  rate_bytes_s_ = rate_bytes_s;
   mtu_bytes_ = mtu_bytes;
-  // What leaves at once waits behind itself in the line: a second's worth at most, but some frame has to leave.
-  longest_frame_bytes_ =
-      max_of(kLeastBurst_bytes,
-             min_of<std::size_t>(rate_bytes_s, max_of<std::size_t>(mtu_bytes, rate_bytes_s / 8)));
-  // And a little more, so that nothing is forfeited between two cycles.
-  burst_bytes_ = longest_frame_bytes_ + rate_bytes_s / 16;
-  tokens_ub_ = static_cast<std::int64_t>(burst_bytes_) * kByte_ub;
+  tokens_ub_ = INT64_MAX;
+  set_rate(rate_bytes_s);
   size_bytes_ = 0;
   room_bytes_ = 0;
   hash_ = proto::kFnvOffset;
   total_bytes_ = 0;
   total_frames_ = 0;
+}
+
+void Downlink::set_rate(std::uint32_t rate_bytes_s) {
+  rate_bytes_s_ = rate_bytes_s;
+  // What leaves at once waits behind itself in the line: a second's worth at most, but some frame has to leave.
+  longest_frame_bytes_ =
+      max_of(kLeastBurst_bytes,
+             min_of<std::size_t>(rate_bytes_s, max_of<std::size_t>(mtu_bytes_, rate_bytes_s / 8)));
+  // And a little more, so that nothing is forfeited between two cycles.
+  burst_bytes_ = longest_frame_bytes_ + rate_bytes_s / 16;
+  tokens_ub_ = min_of(tokens_ub_, static_cast<std::int64_t>(burst_bytes_) * kByte_ub);
 }
 
 void Downlink::begin_cycle(base::TimeUs elapsed_us, std::uint32_t room_bytes) {

@@ -26,6 +26,8 @@ class Downlink {
 
   /// Starts over with a full bucket. mtu_bytes: largest frame.
   void configure(std::uint32_t rate_bytes_s, std::size_t mtu_bytes);
+  /// Another rate from now on; what was saved up stays, as far as the new burst goes.
+  void set_rate(std::uint32_t rate_bytes_s);
   /// Empties the buffer and adds the tokens of `elapsed_us` >= 0. `room_bytes`: what the transmitter takes.
   void begin_cycle(base::TimeUs elapsed_us, std::uint32_t room_bytes);
 

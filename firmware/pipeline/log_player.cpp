@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "firmware/pipeline/command_event.hpp"
 #include "firmware/pipeline/host_report.hpp"
 #include "model/base/crc32c.hpp"
 #include "model/base/fixed.hpp"
@@ -282,7 +283,7 @@ LogEvent LogPlayer::take_flight(const LogRecord& record) {
 void LogPlayer::take_chunk(const proto::LogChunk& chunk) {
   // Of what is beyond the cycle's limit the vehicle counts the bytes and reads none (kMaxCycleBytes), so the
   // size is kept as it was said, and the bytes as far as they are read.
-  const bool report = chunk.port == kHostPort;
+  const bool report = chunk.port == kHostPort || chunk.port == kCommandPort;
   const std::size_t size_bytes = chunk.bytes.size_bytes;
   const std::size_t kept_bytes =
       report ? size_bytes : base::min_of(size_bytes, kMaxCycleBytes - device_bytes_);

@@ -92,6 +92,7 @@ Status SoundPath::configure(const VehicleConfig& config) {
   }
   SoundPath path;
   path.configured_mm_s_ = config.sound_speed_mm_s;
+  path.water_mm_s_ = config.sound_speed_mm_s;
   path.known_ = water.speed_known != 0;
   const std::size_t count = water.point_count;
   if (count != 0) {
@@ -113,11 +114,23 @@ Status SoundPath::configure(const VehicleConfig& config) {
   return Status::kOk;
 }
 
+Status SoundPath::set_water_speed(std::int32_t speed_mm_s) {
+  if (profile_.size() != 0) {
+    return Status::kNotReady;
+  }
+  if (speed_mm_s < estimator::kMinSoundSpeed_mm_s || speed_mm_s > estimator::kMaxSoundSpeed_mm_s) {
+    return Status::kOutOfRange;
+  }
+  water_mm_s_ = speed_mm_s;
+  known_ = true;
+  return Status::kOk;
+}
+
 bool SoundPath::straighten(Ping& ping, const Pose& head, ArrayFace face) const {
   const bool layered = profile_.size() != 0;
   const std::int32_t told_mm_s =
       ping.sound_speed_mm_s != 0 ? ping.sound_speed_mm_s : configured_mm_s_;
-  const std::int32_t water_mm_s = known_ ? configured_mm_s_ : told_mm_s;
+  const std::int32_t water_mm_s = known_ ? water_mm_s_ : told_mm_s;
   if (!layered && told_mm_s == water_mm_s) {
     return true;
   }

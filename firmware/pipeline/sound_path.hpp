@@ -41,6 +41,10 @@ class SoundPath {
   /// Nothing changed then.
   [[nodiscard]] base::Status configure(const VehicleConfig& config);
 
+  /// The water's speed from now on, where there is no profile; heads that state none go on reckoning with the
+  /// configured one. kNotReady: there is a profile. kOutOfRange: beyond the limits of configure().
+  [[nodiscard]] base::Status set_water_speed(std::int32_t speed_mm_s);
+
   /// Makes range and direction of `ping` those of the straight line; `head` is the pose of its mount,
   /// its depth below the surface. False: it has none, and the ping is not to be used. O(points).
   [[nodiscard]] bool straighten(base::Ping& ping, const base::Pose& head, ArrayFace face) const;
@@ -50,7 +54,8 @@ class SoundPath {
 
   estimator::SoundSpeedProfile profile_;   ///< size 0: none
   estimator::SoundSpeedProfile mirrored_;  ///< for rays that go up
-  std::int32_t configured_mm_s_ = 0;
+  std::int32_t configured_mm_s_ = 0;       ///< what a head reckons with that does not say
+  std::int32_t water_mm_s_ = 0;
   bool known_ = false;
 };
 

@@ -104,6 +104,7 @@ void TilePager::configure(const Grid& grid, std::int32_t reach_cells, bool has_s
   cycle_ = 0;
   save_due_ = 0;
   save_cursor_ = 0;
+  hurried_ = 0;
   saving_ = kNoTile;
   loading_ = kNoTile;
   loaded_bytes_ = 0;
@@ -339,13 +340,14 @@ void TilePager::make_room(const PagerSituation& situation, Grid& grid, StoreOutp
 
 // Round and round: every tile that changed is saved in its turn.
 void TilePager::save_something(Grid& grid, StoreOutput& output) {
-  const bool due = finishing_ || static_cast<std::int32_t>(cycle_ - save_due_) >= 0;
+  const bool due = finishing_ || hurried_ > 0 || static_cast<std::int32_t>(cycle_ - save_due_) >= 0;
   if (!has_store_ || !ready_ || saving_ != kNoTile || output.save || !due) {
     return;
   }
   for (TileId step = 0; step < grid.tile_count(); ++step) {
     const TileId id = save_cursor_;
     save_cursor_ = save_cursor_ + 1 < grid.tile_count() ? save_cursor_ + 1 : 0;
+    hurried_ -= hurried_ > 0 ? 1U : 0U;
     if (is_dirty(grid, id)) {
       save(id, grid, output);
       return;

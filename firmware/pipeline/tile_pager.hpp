@@ -106,6 +106,9 @@ class TilePager {
   /// The store has said what it has (or there is none): tiles may come in.
   [[nodiscard]] bool ready() const { return ready_; }
 
+  /// Every tile that has changed is saved in the cycles to come, one behind the other: once round.
+  void hurry(const model::Grid& grid) { hurried_ = grid.tile_count(); }
+
   /// One cycle's decisions. O(tiles of the grid).
   void cycle(const PagerSituation& situation, model::Grid& grid, StoreOutput& output);
   /// Everything is saved, and nothing is under way: power may go. O(tiles).
@@ -140,6 +143,7 @@ class TilePager {
   std::uint32_t cycle_ = 0;
   std::uint32_t save_due_ = 0;
   model::TileId save_cursor_ = 0;
+  model::TileId hurried_ = 0;       ///< tiles that are still to be looked at without a pause
   model::TileId saving_ = kNoTile;  ///< handed over, no answer yet
   model::TileId loading_ = kNoTile;
   std::uint32_t loading_page_ = 0;

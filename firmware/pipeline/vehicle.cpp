@@ -147,6 +147,8 @@ const char* ping_loss_name(PingLoss loss) {
       return "no_path";
     case PingLoss::kAbsentTile:
       return "absent_tile";
+    case PingLoss::kStopped:
+      return "stopped";
     case PingLoss::kCount:
       break;
   }
@@ -253,6 +255,20 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   pending_.clear();
   has_ready_ = false;
   autopilot_.configure(config_);
+  commands_ = Commands{};
+  reset_map_state();
+  downlink_.configure(config_.link.rate_bytes_s, config_.link.mtu_bytes);
+  uplink_.decoder().reset();
+  uplink_bad_ = uplink_errors();
+  alarms_said_ = 0;
+  texts_due_ = 0;
+  configure_ports();
+  configured_ = true;
+  return Status::kOk;
+}
+
+// Everything that speaks of tiles: none is known, none is owed.
+void Vehicle::reset_map_state() {
   const TileId tile_count = model_.grid().tile_count();
   stale_.reset(tile_count);
   unsent_.reset(tile_count);
@@ -260,6 +276,7 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   ledger_.reset();
   looked_at_ = LookedAt{};
   digest_asked_ = proto::TileRange{};
+  commands_.slice.row_count = 0;
   if (model_.grid().windowed()) {
     const std::int64_t reach_cells =
         config_.model.max_range_um / (static_cast<std::int64_t>(config_.model.cell_mm) * 1000);
@@ -271,14 +288,6 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   }
   holding_ = false;
   has_track_ = false;
-  downlink_.configure(config_.link.rate_bytes_s, config_.link.mtu_bytes);
-  uplink_.decoder().reset();
-  uplink_bad_ = uplink_errors();
-  alarms_said_ = 0;
-  texts_due_ = 0;
-  configure_ports();
-  configured_ = true;
-  return Status::kOk;
 }
 
 bool Vehicle::has_role(std::size_t port, hal::LineRole role) const {
@@ -337,8 +346,11 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   settle_lost_frames();
   send_hello();
   send_status();
+  send_command_answer();
   send_texts();
+  send_refusal_text();
   send_digest();
+  send_slice();
   send_deltas();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
   for (int port = 0; port < config_.port_count; ++port) {
@@ -380,18 +392,21 @@ TimeUs Vehicle::begin_cycle(TimeUs t_us) {
 }
 
 // What the host knows goes first: a port that was opened again has its codec start over before new bytes
-// come from it. Edges go next: a message names the pulse in front of it.
+// come from it; then a command. Edges go next: a message names the pulse in front of it.
 void Vehicle::take_chunks(const CycleInput& input) {
   std::size_t room = kMaxCycleBytes;
+  bool carried_out = false;
   for (std::size_t i = 0; i < input.chunk_count; ++i) {
     if (input.chunks[i].port == kHostPort) {
       take_host_report(input.chunks[i]);
+    } else if (input.chunks[i].port == kCommandPort) {
+      take_command_event(input.chunks[i], carried_out);
     }
   }
   for (const bool lines : {true, false}) {
     for (std::size_t i = 0; i < input.chunk_count; ++i) {
       const InputChunk& chunk = input.chunks[i];
-      if (chunk.port == kHostPort || is_line(chunk.port) != lines) {
+      if (chunk.port == kHostPort || chunk.port == kCommandPort || is_line(chunk.port) != lines) {
         continue;
       }
       const std::size_t size = min_of<std::size_t>(chunk.size_bytes, room);
@@ -719,10 +734,22 @@ bool Vehicle::map_ready(const Pose& head, std::uint32_t& written) {
   return true;
 }
 
+void Vehicle::lose_pending(PingLoss loss) {
+  while (!pending_.empty()) {
+    lose(loss);
+    pending_.pop();
+  }
+  has_ready_ = false;
+  holding_ = false;
+}
+
 void Vehicle::map_pings() {
   std::uint32_t written = 0;
   bool any = false;
   mapped_count_ = 0;
+  if (commands_.stopped) {
+    lose_pending(PingLoss::kStopped);
+  }
   // What the budget kept waiting for too long gives way, or a deep queue would show the pilot the past.
   const TimeUs longest_us = config_.navigation.max_wait_us + kLongestQueue_us;
   while (!pending_.empty()) {

@@ -14,6 +14,7 @@
 #include "estimator/stuck_watch.hpp"
 #include "estimator/utc_clock.hpp"
 #include "firmware/pipeline/autopilot_feed.hpp"
+#include "firmware/pipeline/command_event.hpp"
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
 #include "firmware/pipeline/downlink.hpp"
@@ -31,6 +32,7 @@
 #include "model/echo_detector.hpp"
 #include "model/model.hpp"
 #include "proto/cell.hpp"
+#include "proto/commands.hpp"
 #include "proto/framing.hpp"
 #include "proto/messages.hpp"
 #include "proto/tile_coder.hpp"
@@ -98,7 +100,8 @@ enum class PingLoss : std::uint8_t {
   kBad = 5,         ///< fields out of range
   kNoPath = 6,      ///< the water lets no such beam come back (sound_path.hpp)
   kAbsentTile = 7,  ///< voxels that it needs did not come into memory within kMostHold_us
-  kCount = 8,
+  kStopped = 8,     ///< the survey was stopped by a command
+  kCount = 9,
 };
 /// Short name for statistics (`shed`, ...).
 [[nodiscard]] const char* ping_loss_name(PingLoss loss);
@@ -144,6 +147,9 @@ struct VehicleCounters {
   std::uint64_t resend_requests;
   std::uint64_t reports;     ///< of the topside
   std::uint64_t tiles_lost;  ///< tiles in frames that were taken for lost: their cells went again
+  std::uint64_t commands_done;     ///< authenticated, and carried out
+  std::uint64_t commands_refused;  ///< authenticated, and answered with why not
+  std::uint64_t commands_dropped;  ///< not authenticated, for any reason, or no key is there
   PortTally ports[kMaxPorts];
   // Levels, not counts: as of the last cycle.
   std::uint32_t pings_pending;
@@ -262,6 +268,19 @@ class Vehicle {
     base::TimeUs until_us;
   };
 
+  /// What commands have brought about, and what is owed to who gave them.
+  struct Commands {
+    proto::CommandAnswer answer;  ///< to the last one; counter 0: there was none
+    proto::SlicePart slice;       ///< rows that are still to be sent; row_count 0: none
+    base::TimeUs slice_due_us;
+    base::TimeUs refusal_due_us;              ///< no text before
+    const char* refusal_text;                 ///< null: none is owed
+    std::uint32_t refused[kCommandRefusals];  ///< as told last
+    bool keyed;                               ///< somebody authenticates commands
+    bool answer_due;
+    bool stopped;  ///< nothing is mapped
+  };
+
   [[nodiscard]] static base::Status check(const VehicleConfig& config, std::size_t table_count);
   void configure_ports();
   [[nodiscard]] estimator::NavigatorConfig navigator_config() const;
@@ -288,6 +307,22 @@ class Vehicle {
   void owe(model::TileId tile);
   void take_report(const proto::Report& report);
   void take_look(const proto::Look& look);
+  void take_command_event(const InputChunk& chunk, bool& carried_out);
+  void note_unkeyed_command();
+  [[nodiscard]] proto::CommandResult carry_out(const CommandEvent& event);
+  [[nodiscard]] proto::CommandResult start_survey(const proto::HelloText& name);
+  [[nodiscard]] proto::CommandResult move_origin(const proto::Command& command);
+  [[nodiscard]] proto::CommandResult begin_map(const std::int64_t (&origin_mm)[3]);
+  [[nodiscard]] proto::CommandResult set_parameter(proto::CommandParameter parameter,
+                                                   std::int32_t value);
+  [[nodiscard]] proto::CommandResult set_min_range(std::int64_t min_range_um);
+  [[nodiscard]] proto::CommandResult owe_tiles(const proto::TileRange& tiles);
+  [[nodiscard]] proto::CommandResult begin_slice(std::uint64_t counter, const proto::SliceBox& box);
+  void send_command_answer();
+  void send_refusal_text();
+  void send_slice();
+  void reset_map_state();
+  void lose_pending(PingLoss loss);
   void map_pings();
   [[nodiscard]] bool hold_ping();
   void page_tiles(StoreOutput& output);
@@ -378,6 +413,7 @@ class Vehicle {
   proto::FrameDecoderBuffer<proto::kMaxResendRequest_bytes> uplink_;
   std::uint32_t uplink_bad_ = 0;  ///< frames that its decoder had dropped when last looked at
   Watch watch_{};
+  Commands commands_{};
   HostReport host_{};              ///< the newest; port_count 0 while there is none
   std::uint32_t alarms_said_ = 0;  ///< bits that a text has reported
   std::uint32_t texts_due_ = 0;    ///< bits that a text is owed for

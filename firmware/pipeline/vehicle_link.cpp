@@ -54,11 +54,13 @@ constexpr AlarmText kBegins[] = {
     {proto::kAlarmPoseEpoch, proto::Severity::kWarning, "Navigation jumped: new epoch"},
     {proto::kAlarmRestarted, proto::Severity::kError, "Started over after a failure"},
     {proto::kAlarmLeak, proto::Severity::kError, "LEAK: water in the hull"},
+    {proto::kAlarmStopped, proto::Severity::kInfo, "Survey stopped: nothing is mapped"},
 };
 constexpr AlarmText kEnds[] = {
     {proto::kAlarmMappingPaused, proto::Severity::kInfo, "Mapping goes on"},
     {proto::kAlarmNoPose, proto::Severity::kInfo, "Poses are back"},
     {proto::kAlarmLeak, proto::Severity::kWarning, "Leak switch dry again"},
+    {proto::kAlarmStopped, proto::Severity::kInfo, "Survey goes on"},
 };
 // Bits of "ended" beside those of "began" in one mask: no alarm has a number of 16 and more.
 constexpr std::uint32_t kEndShift = 16;
@@ -132,6 +134,10 @@ void Vehicle::take_message(const proto::FrameView& frame) {
     if (taken) {
       take_look(look.value());
     }
+  } else if (known && type == proto::MessageType::kCommand) {
+    // What is authentic of it comes on kCommandPort.
+    note_unkeyed_command();
+    taken = true;
   }
   counters_.uplink_rejected += taken ? 0U : 1U;
 }
@@ -476,6 +482,8 @@ void Vehicle::fill_status(proto::Status& status) const {
 
   static_assert(proto::kPingNotConfigured == static_cast<int>(model::PingResult::kNotConfigured),
                 "the outcomes' first part is the model's own");
+  status.pings[proto::kPingStopped] =
+      low32(counters_.pings_lost[static_cast<int>(PingLoss::kStopped)]);
   // kAbsentTile, which follows, is no outcome: such a ping waits, and is shed in the end.
   for (int i = 0; i <= proto::kPingNotConfigured; ++i) {
     status.pings[i] = low32(model_.counters().pings[i]);
@@ -517,7 +525,9 @@ void Vehicle::fill_status(proto::Status& status) const {
 
 std::uint32_t Vehicle::alarms_now() const {
   std::uint32_t alarms = watch_.paused ? proto::kAlarmMappingPaused : 0U;
-  alarms |= host_.alarms & (proto::kAlarmPortLost | proto::kAlarmRecorderLost);
+  alarms |= commands_.stopped ? proto::kAlarmStopped : 0U;
+  alarms |=
+      host_.alarms & (proto::kAlarmPortLost | proto::kAlarmRecorderLost | proto::kAlarmRestarted);
   const auto raise = [&alarms](bool condition, std::uint32_t bit) {
     alarms |= condition ? bit : 0U;
   };

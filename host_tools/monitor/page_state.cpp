@@ -26,6 +26,7 @@ constexpr OutcomeName kOutcomeNames[] = {
     {proto::kPingNoPose, "no_pose"},
     {proto::kPingBad, "bad"},
     {proto::kPingPaused, "paused"},
+    {proto::kPingStopped, "stopped"},
 };
 
 Json map_json(const TileStore& store) {

@@ -38,6 +38,18 @@ LinkReader::LinkReader(const std::string& uri, const std::string& command)
 }
 
 std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
+  return read_bytes(now_s, [receiver](const std::uint8_t* data, std::size_t size_bytes) {
+    receiver->feed(data, size_bytes);
+  });
+}
+
+bool LinkReader::send(const std::vector<std::uint8_t>& frame) {
+  return port_->write_room() >= frame.size() &&
+         port_->write(frame.data(), frame.size()) == frame.size();
+}
+
+std::size_t LinkReader::read_bytes(
+    double now_s, const std::function<void(const std::uint8_t*, std::size_t)>& take) {
   std::size_t sum = 0;
   const auto now_us = static_cast<base::TimeUs>(now_s * 1e6);
   port_->service(now_us);
@@ -48,7 +60,7 @@ std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
       break;
     }
     sum += got;
-    receiver->feed(buffer_.data(), got);
+    take(buffer_.data(), got);
   }
   return sum;
 }
@@ -60,9 +72,7 @@ void LinkReader::ask_again(Receiver* receiver, double now_s) {
   const auto now_us = static_cast<base::TimeUs>(now_s * 1e6);
   for (std::vector<std::uint8_t> frame = receiver->uplink(now_us); !frame.empty();
        frame = receiver->uplink(now_us)) {
-    if (port_->write_room() >= frame.size()) {
-      (void)port_->write(frame.data(), frame.size());
-    }
+    (void)send(frame);
   }
 }
 

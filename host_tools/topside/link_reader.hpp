@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -23,6 +24,11 @@ class LinkReader {
   /// Feeds what has come, at most so much that a flood lets the caller look at its clock in between.
   /// Returns the bytes. Passes on what Receiver::feed throws.
   std::size_t read_some(Receiver* receiver, double now_s);
+  /// The same for whoever takes bytes.
+  std::size_t read_bytes(double now_s,
+                         const std::function<void(const std::uint8_t*, std::size_t)>& take);
+  /// Sends a whole frame. False: no room now.
+  bool send(const std::vector<std::uint8_t>& frame);
   /// Sends what the receiver has to say up (Receiver::uplink), as the port has room for it.
   void ask_again(Receiver* receiver, double now_s);
   /// Waits for bytes, at most so long.

@@ -62,6 +62,7 @@ constexpr AlarmName kAlarmNames[] = {
     {proto::kAlarmPoseEpoch, "navigation jumped"},
     {proto::kAlarmRestarted, "the vehicle failed and started over"},
     {proto::kAlarmLeak, "leak"},
+    {proto::kAlarmStopped, "survey stopped by command"},
 };
 
 }  // namespace
@@ -137,11 +138,15 @@ void Receiver::take(const proto::FrameView& frame) {
     case proto::MessageType::kDigest:
       take_digest(frame);
       break;
+    case proto::MessageType::kCommandAnswer:
+    case proto::MessageType::kSlice:
+      break;  // of whoever gave a command
     case proto::MessageType::kResendRequest:
     case proto::MessageType::kHelloRequest:
     case proto::MessageType::kReport:
     case proto::MessageType::kDigestRequest:
     case proto::MessageType::kLook:
+    case proto::MessageType::kCommand:
       break;  // the echo of our own
     case proto::MessageType::kLogEnd:
       take_end(frame);

@@ -10,9 +10,17 @@ local leadline = Proto("leadline", "Leadline link")
 
 local types = {
   [0x01] = "hello", [0x02] = "tile delta", [0x03] = "status", [0x04] = "text", [0x05] = "brief",
-  [0x06] = "digest", [0x40] = "resend request", [0x41] = "hello request", [0x42] = "report",
-  [0x43] = "digest request", [0x44] = "look",
+  [0x06] = "digest", [0x07] = "command answer", [0x08] = "slice", [0x40] = "resend request", [0x41] = "hello request", [0x42] = "report",
+  [0x43] = "digest request", [0x44] = "look", [0x45] = "command",
 }
+local kinds = {
+  [1] = "start", [2] = "stop", [3] = "set", [4] = "origin", [5] = "save", [6] = "tiles", [7] = "slice",
+}
+local results = {
+  [0] = "done", [1] = "not known", [2] = "out of range", [3] = "not with this configuration", [4] = "no position",
+  [5] = "outside the grid", [6] = "busy", [7] = "interrupted",
+}
+local planes = { [0] = "horizontal", [1] = "down and north", [2] = "down and east" }
 local severities = { [0] = "information", [1] = "warning", [2] = "error" }
 
 local f = {
@@ -56,6 +64,22 @@ local f = {
   digest_hash = ProtoField.uint32("leadline.digest.hash", "Hash", base.HEX),
   heard = ProtoField.uint16("leadline.report.frame_tag", "Frame that came", base.HEX),
   radius = ProtoField.uint8("leadline.look.radius_tiles", "Radius, tiles"),
+  key_id = ProtoField.uint32("leadline.command.key_id", "Key", base.HEX),
+  vehicle = ProtoField.uint16("leadline.command.vehicle", "Vehicle"),
+  counter = ProtoField.uint64("leadline.command.counter", "Counter"),
+  version = ProtoField.uint8("leadline.command.version", "Version"),
+  kind = ProtoField.uint8("leadline.command.kind", "Kind", base.DEC, kinds),
+  command_fields = ProtoField.bytes("leadline.command.fields", "Fields"),
+  command_tag = ProtoField.bytes("leadline.command.tag", "Tag"),
+  result = ProtoField.uint8("leadline.command.result", "Result", base.DEC, results),
+  request = ProtoField.uint32("leadline.slice.request", "Request"),
+  plane = ProtoField.uint8("leadline.slice.plane", "Plane", base.DEC, planes),
+  slice_first = ProtoField.uint32("leadline.slice.first", "First cell (north, east, down)"),
+  rows = ProtoField.uint8("leadline.slice.rows", "Rows"),
+  columns = ProtoField.uint8("leadline.slice.columns", "Columns"),
+  first_row = ProtoField.uint8("leadline.slice.first_row", "First row of this part"),
+  row_count = ProtoField.uint8("leadline.slice.row_count", "Rows of this part"),
+  runs = ProtoField.bytes("leadline.slice.runs", "Runs"),
 }
 local fields = {}
 for _, field in pairs(f) do
@@ -316,6 +340,44 @@ dissect[0x44] = function(read, tree)
   local tile = read:add_varint(tree, f.tile)
   read:add(tree, f.radius, 1)
   return string.format("at tile %d", tile)
+end
+
+dissect[0x07] = function(read, tree)
+  read:add(tree, f.key_id, 4)
+  local counter = read:add(tree, f.counter, 8)
+  local result = read:uint(tree, f.result, 1)
+  read:add(tree, f.command_tag, 8)
+  return counter and string.format("command %s: %s", tostring(counter:le_uint64()), results[result] or "?")
+end
+
+dissect[0x08] = function(read, tree)
+  read:add(tree, f.tag, 2)
+  read:add(tree, f.request, 4)
+  read:add(tree, f.plane, 1)
+  for _ = 1, 3 do read:add_varint(tree, f.slice_first) end
+  read:add(tree, f.rows, 1)
+  read:add(tree, f.columns, 1)
+  local first = read:uint(tree, f.first_row, 1)
+  local count = read:uint(tree, f.row_count, 1)
+  if read.ok and read.at < read.size then
+    read:add(tree, f.runs, read.size - read.at)
+  end
+  return string.format("rows %d .. %d", first, first + count - 1)
+end
+
+dissect[0x45] = function(read, tree)
+  if read:uint(tree, f.version, 1) ~= 1 then
+    return "of another version"
+  end
+  read:add(tree, f.key_id, 4)
+  read:add(tree, f.vehicle, 2)
+  local counter = read:add(tree, f.counter, 8)
+  local kind = read:uint(tree, f.kind, 1)
+  if read.ok and read.size - read.at > 16 then
+    read:add(tree, f.command_fields, read.size - read.at - 16)
+  end
+  read:add(tree, f.command_tag, 16)
+  return counter and string.format("%s, number %s", kinds[kind] or "?", tostring(counter:le_uint64()))
 end
 
 local function take_frame(body, root, words)

@@ -4,9 +4,11 @@
 Reads its tables (start values, schema) out of the SPEC too, so that a table that was changed in one place only
 is noticed. What it decodes is checked against values stated in words beside the vectors.
 """
+import hashlib
 import os
 import pathlib
 import re
+import struct
 import unittest
 
 ROOT = pathlib.Path(os.environ.get("LEADLINE_ROOT", pathlib.Path(__file__).resolve().parents[2]))
@@ -369,6 +371,28 @@ class Delta(unittest.TestCase):
 
 
 class Messages(unittest.TestCase):
+    def test_commands_and_answers_have_the_tags_that_are_stated(self):
+        key = bytes(range(32))
+
+        def mac(label, data=b""):
+            return hashlib.blake2b(label.encode() + data, key=key, digest_size=16).digest()
+        command, kinds, others = fences("Vectors of the messages")[-3:]
+        packet = as_bytes(command)
+        kind, version, key_id, vehicle, counter = struct.unpack("<BBIHQ", packet[:16])
+        self.assertEqual((kind, version, vehicle, counter), (0x45, 1, 3, 300))
+        self.assertEqual(key_id, struct.unpack("<I", mac("leadline key id 1")[:4])[0])
+        self.assertEqual(packet[-16:], mac("leadline command 1", packet[:-16]))
+        self.assertEqual(packet[16:-16], bytes([3, 1]) + struct.pack("<i", 9600))
+        self.assertEqual([body[0] for body in as_lines(kinds)], [1, 2, 3, 4, 5, 6, 7])
+        answer, part = as_lines(others)
+        _, said_key, said_counter, result = struct.unpack("<BIQB", answer[:14])
+        self.assertEqual((said_key, said_counter, result), (key_id, 300, 2))
+        self.assertEqual(answer[14:], mac("leadline answer 1", struct.pack(
+            "<IHQB", key_id, vehicle, counter, result))[:8])
+        # Runs of the slice: level in the low half, length less one above it, a varint behind 15.
+        self.assertEqual(part[-6:], bytes([0xF0, 0x04, 0x60, 0x31, 0x0F, 0x78]))
+        self.assertEqual(part[:7], struct.pack("<BHI", 8, 0x1234, 300))
+
     def test_schema_hash_stands_in_hello_and_text(self):
         schema = fences("Schema")[0]
         stated = re.search(r"fences, each ended by one line feed: `([0-9A-F]{8})`", SPEC).group(1)
@@ -401,7 +425,7 @@ class Messages(unittest.TestCase):
         self.assertEqual(128 - 2 - 1 - 4 - (86 + 4 + 2), 29)
 
     def test_messages_of_a_bad_tether(self):
-        report, digest, both = (as_lines(text) for text in fences("Vectors of the messages")[-3:])
+        report, digest, both = (as_lines(text) for text in fences("Vectors of the messages")[-6:-3])
         type_, tag, count = report[0][0], number(report[0][1:3]), report[0][3]
         self.assertEqual((type_, tag, count), (0x42, 0x1234, 2))
         self.assertEqual([number(report[0][4:6]), number(report[0][6:8])], [0xA1B2, 0x0003])

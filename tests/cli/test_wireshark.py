@@ -111,7 +111,7 @@ class Dissector(unittest.TestCase):
         layer = self.one(resend)
         self.assertEqual(layer["leadline.first"], ["0", "2", "1000"])
         self.assertEqual(layer["leadline.count"], ["1", "10", "1"])
-        report, digest, both = (as_lines(text) for text in texts[-3:])
+        report, digest, both = (as_lines(text) for text in texts[-6:-3])
         tags = self.one(report[0])["leadline.report.frame_tag"]
         self.assertEqual([int(tag, 16) for tag in tags], [0xA1B2, 3])
         hashes = self.one(digest[0])["leadline.digest.hash"]
@@ -120,6 +120,22 @@ class Dissector(unittest.TestCase):
         self.assertEqual((layer["leadline.first"], layer["leadline.count"]), ("300", "64"))
         layer = self.one(both[1])
         self.assertEqual((layer["leadline.tile"], layer["leadline.look.radius_tiles"]), ("300", "2"))
+
+    def test_commands_answers_and_slices(self):
+        command, _, others = fences("Vectors of the messages")[-3:]
+        layer = self.one(as_bytes(command))
+        self.assertEqual(int(layer["leadline.command.key_id"], 16), 0x7B712541)
+        self.assertEqual((layer["leadline.command.vehicle"], layer["leadline.command.counter"]), ("3", "300"))
+        self.assertEqual(layer["leadline.command.kind"], "3")
+        self.assertEqual(layer["leadline.command.fields"], "01:80:25:00:00")
+        self.assertTrue(layer["leadline.command.tag"].startswith("cc:92:90"))
+        answer, part = as_lines(others)
+        layer = self.one(answer)
+        self.assertEqual((layer["leadline.command.counter"], layer["leadline.command.result"]), ("300", "2"))
+        layer = self.one(part)
+        self.assertEqual(layer["leadline.slice.first"], ["300", "5", "0"])
+        self.assertEqual((layer["leadline.slice.rows"], layer["leadline.slice.columns"]), ("3", "20"))
+        self.assertEqual((layer["leadline.slice.first_row"], layer["leadline.slice.row_count"]), ("1", "2"))
 
     def test_damage_is_shown_and_harms_nothing(self):
         brief = as_bytes(fences("Vectors of the messages")[2])

@@ -54,7 +54,7 @@ set(CPACK_COMPONENT_VEHICLE_DESCRIPTION
 # By hand, the same for every architecture: dpkg-shlibdeps knows installed packages only. toolchain/package.sh runs the
 # program with these and nothing else.
 set(CPACK_DEBIAN_VEHICLE_PACKAGE_DEPENDS
-  "libc6 (>= 2.36), libgcc-s1, libgpiod2, libmodbus5, libstdc++6 (>= 12), libsystemd0, adduser")
+  "libc6 (>= 2.36), libgcc-s1, libgpiod2, libmodbus5, libsodium23, libstdc++6 (>= 12), libsystemd0, adduser")
 set(CPACK_DEBIAN_VEHICLE_PACKAGE_CONTROL_EXTRA
   "${packaging}/postinst;${packaging}/prerm;${packaging}/conffiles")
 set(CPACK_DEBIAN_TOPSIDE_PACKAGE_NAME leadline)

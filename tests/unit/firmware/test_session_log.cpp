@@ -177,7 +177,8 @@ TEST(a_log_flies_again_to_the_same_map_and_the_same_frames) {
 TEST(what_the_host_knows_reaches_the_status) {
   leadline::test::configure_rig(vehicle, leadline::test::rig_config());
   leadline::firmware::HostReport report{};
-  report.alarms = leadline::proto::kAlarmRecorderLost | leadline::proto::kAlarmShed;
+  report.alarms = leadline::proto::kAlarmRecorderLost | leadline::proto::kAlarmRestarted |
+                  leadline::proto::kAlarmShed;
   report.recorder_lost = 4;
   report.cycle_max_us = 900;
   report.port_count = 2;
@@ -206,6 +207,7 @@ TEST(what_the_host_knows_reaches_the_status) {
   assert_true(found);
   assert_int_equal(vehicle.counters().chunks_ignored, 1);  // the one that was cut
   assert_true((status.alarms & leadline::proto::kAlarmRecorderLost) != 0);
+  assert_true((status.alarms & leadline::proto::kAlarmRestarted) != 0);
   assert_true((status.alarms & leadline::proto::kAlarmShed) == 0);  // not the host's to say
   assert_int_equal(status.recorder_lost, 4);
   assert_int_equal(status.cycle_max_us, 900);
