@@ -31,16 +31,16 @@ enum class CommandKind : std::uint8_t {
 
 /// What may change in flight. Ranges are those of vehicle.toml, all of them in SPEC.md.
 enum class CommandParameter : std::uint8_t {
-  kLinkRate_bytes_s = 1,
-  kMaxTileAge_ms = 2,
-  kStatusInterval_ms = 3,
-  kHelloInterval_ms = 4,
-  kSoundSpeed_mm_s = 5,  ///< of the water; refused where a profile of it is given
-  kVoxelBudget = 6,      ///< of a cycle
-  kTileBudget = 7,       ///< of a cycle
-  kMaxWait_ms = 8,       ///< of a ping for its pose
-  kQualityWeight_percent = 9,
-  kMinRange_mm = 10,  ///< nearest echo that is looked for in profiles
+  kLinkRate = 1,        ///< bytes/s
+  kMaxTileAge = 2,      ///< ms
+  kStatusInterval = 3,  ///< ms
+  kHelloInterval = 4,   ///< ms
+  kSoundSpeed = 5,      ///< mm/s, of the water; refused where a profile of it is given
+  kVoxelBudget = 6,     ///< of a cycle
+  kTileBudget = 7,      ///< of a cycle
+  kMaxWait = 8,         ///< ms, of a ping for its pose
+  kQualityWeight = 9,   ///< percent
+  kMinRange = 10,       ///< mm, of the nearest echo that is looked for in profiles
 };
 inline constexpr std::uint8_t kCommandParameters = 10;
 

@@ -174,24 +174,24 @@ CommandResult Vehicle::set_parameter(CommandParameter parameter, std::int32_t va
   const auto unsigned_value = static_cast<std::uint32_t>(value);
   LinkConfig& link = config_.link;
   switch (parameter) {
-    case CommandParameter::kLinkRate_bytes_s:
+    case CommandParameter::kLinkRate:
       link.rate_bytes_s = unsigned_value;
       downlink_.set_rate(unsigned_value);
       break;
-    case CommandParameter::kMaxTileAge_ms:
+    case CommandParameter::kMaxTileAge:
       link.max_tile_age_us = unsigned_value * 1000U;
       break;
-    case CommandParameter::kStatusInterval_ms:
+    case CommandParameter::kStatusInterval:
       link.status_interval_us = unsigned_value * 1000U;
       watch_.status_due_us =
           base::min_of<TimeUs>(watch_.status_due_us, now_us_ + link.status_interval_us);
       break;
-    case CommandParameter::kHelloInterval_ms:
+    case CommandParameter::kHelloInterval:
       link.hello_interval_us = unsigned_value * 1000U;
       watch_.hello_due_us =
           base::min_of<TimeUs>(watch_.hello_due_us, now_us_ + link.hello_interval_us);
       break;
-    case CommandParameter::kSoundSpeed_mm_s:
+    case CommandParameter::kSoundSpeed:
       return sound_path_.set_water_speed(value) == Status::kOk ? CommandResult::kDone
                                                                : CommandResult::kNotHere;
     case CommandParameter::kVoxelBudget:
@@ -200,15 +200,15 @@ CommandResult Vehicle::set_parameter(CommandParameter parameter, std::int32_t va
     case CommandParameter::kTileBudget:
       config_.cycle_tile_budget = unsigned_value;
       break;
-    case CommandParameter::kMaxWait_ms:
+    case CommandParameter::kMaxWait:
       config_.navigation.max_wait_us = value * 1000;
       break;
-    case CommandParameter::kQualityWeight_percent:
+    case CommandParameter::kQualityWeight:
       for (PortConfig& port : config_.ports) {
         port.quality_weight_percent = value;
       }
       break;
-    case CommandParameter::kMinRange_mm:
+    case CommandParameter::kMinRange:
       return set_min_range(std::int64_t{value} * 1000);
   }
   return CommandResult::kDone;

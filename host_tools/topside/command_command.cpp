@@ -36,16 +36,16 @@ struct Parameter {
   std::int32_t high;
 };
 constexpr std::array<Parameter, proto::kCommandParameters> kParameters = {{
-    {"link_rate_bytes_s", CommandParameter::kLinkRate_bytes_s, 10, 125'000'000},
-    {"max_tile_age_ms", CommandParameter::kMaxTileAge_ms, 0, 60'000},
-    {"status_interval_ms", CommandParameter::kStatusInterval_ms, 1, 3'600'000},
-    {"hello_interval_ms", CommandParameter::kHelloInterval_ms, 1, 3'600'000},
-    {"sound_speed_mm_s", CommandParameter::kSoundSpeed_mm_s, 1'300'000, 1'700'000},
+    {"link_rate_bytes_s", CommandParameter::kLinkRate, 10, 125'000'000},
+    {"max_tile_age_ms", CommandParameter::kMaxTileAge, 0, 60'000},
+    {"status_interval_ms", CommandParameter::kStatusInterval, 1, 3'600'000},
+    {"hello_interval_ms", CommandParameter::kHelloInterval, 1, 3'600'000},
+    {"sound_speed_mm_s", CommandParameter::kSoundSpeed, 1'300'000, 1'700'000},
     {"voxel_budget", CommandParameter::kVoxelBudget, 0, 16'777'216},
     {"tile_budget", CommandParameter::kTileBudget, 1, 4096},
-    {"max_wait_ms", CommandParameter::kMaxWait_ms, 0, 10'000},
-    {"quality_weight_percent", CommandParameter::kQualityWeight_percent, 0, 100},
-    {"min_range_mm", CommandParameter::kMinRange_mm, 0, INT32_MAX},
+    {"max_wait_ms", CommandParameter::kMaxWait, 0, 10'000},
+    {"quality_weight_percent", CommandParameter::kQualityWeight, 0, 100},
+    {"min_range_mm", CommandParameter::kMinRange, 0, INT32_MAX},
 }};
 
 double now_s() {

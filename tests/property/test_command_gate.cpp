@@ -93,7 +93,7 @@ TEST(tags_are_as_specified) {
   assert_int_equal(key.id(), 0x7B712541);
   const Bytes golden = spec_bytes("so that key_id is `7B712541`");
   Command command = of_kind(CommandKind::kSet);
-  command.parameter = leadline::proto::CommandParameter::kLinkRate_bytes_s;
+  command.parameter = leadline::proto::CommandParameter::kLinkRate;
   command.value = 9600;
   assert_true(payload_of(CommandSender(key, command, 300)) == golden);
   Vehicle vehicle(key);

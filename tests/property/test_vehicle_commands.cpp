@@ -182,16 +182,16 @@ TEST(parameters_change_within_their_ranges_and_nowhere_else) {
     std::int32_t high;  // just above
   };
   const Case cases[] = {
-      {CommandParameter::kLinkRate_bytes_s, 9600, 9, 125'000'001},
-      {CommandParameter::kMaxTileAge_ms, 700, -1, 60'001},
-      {CommandParameter::kStatusInterval_ms, 500, 0, 3'600'001},
-      {CommandParameter::kHelloInterval_ms, 5000, 0, 3'600'001},
-      {CommandParameter::kSoundSpeed_mm_s, 1'480'000, 1'299'999, 1'700'001},
+      {CommandParameter::kLinkRate, 9600, 9, 125'000'001},
+      {CommandParameter::kMaxTileAge, 700, -1, 60'001},
+      {CommandParameter::kStatusInterval, 500, 0, 3'600'001},
+      {CommandParameter::kHelloInterval, 5000, 0, 3'600'001},
+      {CommandParameter::kSoundSpeed, 1'480'000, 1'299'999, 1'700'001},
       {CommandParameter::kVoxelBudget, 50'000, -1, 16'777'217},
       {CommandParameter::kTileBudget, 7, 0, 4097},
-      {CommandParameter::kMaxWait_ms, 250, -1, 10'001},
-      {CommandParameter::kQualityWeight_percent, 60, -1, 101},
-      {CommandParameter::kMinRange_mm, 800, -1, 1'000'000},
+      {CommandParameter::kMaxWait, 250, -1, 10'001},
+      {CommandParameter::kQualityWeight, 60, -1, 101},
+      {CommandParameter::kMinRange, 800, -1, 1'000'000},
   };
   assert_int_equal(sizeof cases / sizeof cases[0], leadline::proto::kCommandParameters);
   for (const Case& each : cases) {
@@ -220,8 +220,7 @@ TEST(what_this_vehicle_cannot_do_is_refused_with_the_reason) {
   config.water.points[0] = {0, 1'500'000};
   Rest rest(config);
   expect(rest.order(of_kind(CommandKind::kSave)), CommandResult::kNotHere);
-  expect(rest.order(set_of(CommandParameter::kSoundSpeed_mm_s, 1'480'000)),
-         CommandResult::kNotHere);
+  expect(rest.order(set_of(CommandParameter::kSoundSpeed, 1'480'000)), CommandResult::kNotHere);
   Command here = of_kind(CommandKind::kOrigin);
   here.centred = 1;
   expect(rest.order(here), CommandResult::kNoPosition);
@@ -238,7 +237,7 @@ TEST(what_this_vehicle_cannot_do_is_refused_with_the_reason) {
   expect(rest.order(Bytes{2, 0}), CommandResult::kUnknown);  // more behind it than is known
   assert_int_equal(vehicle.counters().commands_done, 0);
   // One slice at a time: on a slow line it waits for its bytes.
-  expect(rest.order(set_of(CommandParameter::kLinkRate_bytes_s, 60)), CommandResult::kDone);
+  expect(rest.order(set_of(CommandParameter::kLinkRate, 60)), CommandResult::kDone);
   slice.slice.columns = 6;
   expect(rest.order(slice), CommandResult::kDone);
   expect(rest.order(slice), CommandResult::kBusy);
@@ -475,7 +474,7 @@ TEST(a_slice_is_what_the_voxels_are) {
 
 TEST(the_link_keeps_to_a_rate_that_changed) {
   Flight flight;
-  flight.orders = {{15, set_of(CommandParameter::kLinkRate_bytes_s, 200)}};
+  flight.orders = {{15, set_of(CommandParameter::kLinkRate, 200)}};
   configure_rig(vehicle, rig_config());
   flight.run(40);
   Bytes all;

@@ -50,7 +50,7 @@ std::vector<Command> sample_commands() {
   add(CommandKind::kStart).name = name_of("F\xC3\xB6rde");
   add(CommandKind::kStop);
   Command& set = add(CommandKind::kSet);
-  set.parameter = CommandParameter::kSoundSpeed_mm_s;
+  set.parameter = CommandParameter::kSoundSpeed;
   set.value = 1'480'000;
   Command& origin = add(CommandKind::kOrigin);
   origin.origin_mm[0] = -1000;
