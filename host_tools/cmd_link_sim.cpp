@@ -24,6 +24,10 @@ void add_link_sim_command(CLI::App* app, CommandRun* run) {
       ->type_name("P");
   command->add_option("--dup", options->duplicate, "Fraction that arrives twice")->type_name("P");
   command->add_option("--seed", options->seed, "Of the line's luck (1)")->type_name("N");
+  command
+      ->add_option("--seeds", options->seeds,
+                   "So many runs, from --seed on: prints their spread as a JSON object (1)")
+      ->type_name("N");
   command->add_option("--mtu", options->mtu_bytes, "Largest frame, 128 to 1400 (the log's)")
       ->type_name("BYTES");
   command->add_option("--delay-ms", options->delay_ms, "One way, besides what the bytes take (5)")

@@ -9,8 +9,6 @@ namespace {
 using base::max_of;
 using base::min_of;
 
-constexpr std::int64_t kByte_ub = 1'000'000;
-
 }  // namespace
 
 void Downlink::configure(std::uint32_t rate_bytes_s, std::size_t mtu_bytes) {

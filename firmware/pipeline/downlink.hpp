@@ -33,6 +33,10 @@ class Downlink {
 
   /// What frames of this cycle may still take: least of tokens, room and buffer.
   [[nodiscard]] std::size_t free_bytes() const;
+  /// What left and is not through a line of the configured rate yet, if nothing else delays it.
+  [[nodiscard]] std::size_t backlog_bytes() const {
+    return burst_bytes_ - static_cast<std::size_t>(tokens_ub_ / kByte_ub);
+  }
   /// Largest payload that put() takes now whatever its bytes are.
   [[nodiscard]] std::size_t free_payload_bytes() const;
   /// Frames a payload. False, and nothing done, when the frame is longer than the MTU or free_bytes().
@@ -53,6 +57,8 @@ class Downlink {
   [[nodiscard]] std::uint64_t total_frames() const { return total_frames_; }
 
  private:
+  static constexpr std::int64_t kByte_ub = 1'000'000;
+
   std::array<std::uint8_t, kDownlinkCapacity_bytes> buffer_{};
   std::size_t size_bytes_ = 0;
   std::uint32_t room_bytes_ = 0;

@@ -14,6 +14,10 @@ constexpr TimeUs kFirstPatience_us = 5'000'000;
 constexpr TimeUs kLeastPatience_us = 40'000;
 constexpr TimeUs kMostPatience_us = 60'000'000;
 constexpr int kMostHasty = 2;
+// A line is fast when all that is under way since it was idle took less than so many round trips.
+constexpr TimeUs kFastTrips = 8;
+// One frame of so many may go again before anything is known of the first.
+constexpr std::uint32_t kFramesPerHasty = 12;
 constexpr std::uint32_t kFirstLoss_q16 = 19'661;
 // The estimate follows the last 16 frames.
 constexpr unsigned kLossMemory_log2 = 4;
@@ -21,6 +25,9 @@ constexpr unsigned kLossMemory_log2 = 4;
 }  // namespace
 
 void LinkLedger::reset() {
+  for (Frame& each : frames_) {
+    each = Frame{};
+  }
   first_ = end_ = tiles_end_ = newest_confirmed_ = 0;
   under_way_ = 0;
   telling_count_ = 0;
@@ -28,9 +35,12 @@ void LinkLedger::reset() {
   round_trip_us_ = deviation_us_ = latest_us_ = 0;
   waiting_since_us_ = 0;
   last_report_us_ = 0;
+  busy_since_us_ = 0;
+  busy_frames_ = hasty_frames_ = 0;
   waiting_ = false;
   timeouts_ = 0;
   loss_q16_ = kFirstLoss_q16;
+  loses_ = false;
   heard_ = false;
 }
 
@@ -67,8 +77,22 @@ void LinkLedger::sent(std::uint16_t tag, const FrameTile* tiles, std::size_t til
   for (std::size_t i = 0; i < tile_count; ++i) {
     tiles_[(tiles_end_ + i) % kFrameTiles] = tiles[i];
   }
-  frame(end_) =
-      Frame{now_us, tiles_end_, tag, static_cast<std::uint8_t>(tile_count), State::kUnderWay};
+  bool ambiguous = false;
+  for (std::uint32_t back = 1; back < kFrames; ++back) {
+    const std::uint32_t number = end_ - back;
+    if (frame(number).tag == tag && frame(number).tile_count > 0) {
+      frame(number).ambiguous = ambiguous = true;
+    }
+  }
+  frame(end_) = Frame{now_us,           tiles_end_, tag, static_cast<std::uint8_t>(tile_count),
+                      State::kUnderWay, ambiguous};
+  if (tile_count > 0) {
+    if (under_way_ == 0) {
+      busy_since_us_ = now_us;
+      busy_frames_ = hasty_frames_ = 0;
+    }
+    ++busy_frames_;
+  }
   if (tile_count > 0 && !waiting_) {
     waiting_ = true;
     waiting_since_us_ = now_us;
@@ -103,6 +127,17 @@ TimeUs LinkLedger::patience_us() const {
   return min_of(limited_us << static_cast<unsigned>(timeouts_), kMostPatience_us);
 }
 
+// How long a frame waits for a word. A line that loses and has nothing else to carry may as well carry it again: where
+// round trips are a large part of the time that all takes, soon, for a few frames; else when the word is overdue.
+TimeUs LinkLedger::silence_us(TimeUs now_us, bool idle, TimeUs named_us) const {
+  if (!idle || !loses_ || timeouts_ >= kMostHasty) {
+    return 3 * patience_us();
+  }
+  const bool fast = now_us - busy_since_us_ < kFastTrips * round_trip_us_;
+  const bool affordable = hasty_frames_ * kFramesPerHasty < busy_frames_;
+  return fast && affordable ? named_us / 4 : patience_us();
+}
+
 void LinkLedger::note_report(TimeUs now_us) {
   heard_ = true;
   timeouts_ = 0;
@@ -114,7 +149,7 @@ void LinkLedger::note_report(TimeUs now_us) {
 void LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
   for (std::uint32_t number = first_; number != end_; ++number) {
     Frame& each = frame(number);
-    if (each.tag != tag || each.state != State::kUnderWay) {
+    if (each.tag != tag || each.state != State::kUnderWay || each.ambiguous) {
       continue;
     }
     resolve(number, State::kConfirmed);
@@ -152,8 +187,6 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
     const TimeUs lately_us = latest_us_ + latest_us_ / 2;
     const TimeUs named_us =
         max_of(max_of(round_trip_us_ + 2 * deviation_us_, lately_us), kLeastPatience_us);
-    const TimeUs silence_us =
-        idle && timeouts_ < kMostHasty && round_trip_us_ != 0 ? named_us : 3 * patience_us();
     for (std::uint32_t number = first_; number != end_ && telling_count_ == 0; ++number) {
       Frame& each = frame(number);
       if (each.state != State::kUnderWay) {
@@ -161,9 +194,14 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
       }
       const bool overtaken = static_cast<std::int32_t>(newest_confirmed_ - 1 - number) >=
                              static_cast<std::int32_t>(kOvertaken);
-      const bool passed_over = round_trip_us_ != 0 && last_report_us_ - each.sent_us >= named_us;
-      if (!overtaken && !passed_over && now_us - each.sent_us < silence_us) {
-        continue;
+      const bool passed_over = loses_ && last_report_us_ - each.sent_us >= named_us + named_us / 2;
+      if (!overtaken && !passed_over) {
+        if (now_us - each.sent_us < silence_us(now_us, idle, named_us)) {
+          continue;
+        }
+        ++hasty_frames_;
+      } else {
+        loses_ = true;
       }
       resolve(number, State::kLost);
       loss_q16_ += (65'536U - loss_q16_) >> kLossMemory_log2;

@@ -21,8 +21,8 @@ struct FrameTile {
   proto::CellMask cells;
 };
 
-/// A ring of the last frames with their tiles. Frames are named by proto::frame_tag; of equal names under
-/// way the older is meant. 90 KB, 4 KB with a map of
+/// A ring of the last frames with their tiles. Frames are named by proto::frame_tag; where two in the ring share
+/// a name, no report confirms either: they go again. 90 KB, 4 KB with a map of
 /// less than 64 tiles. Static storage, not thread-safe; time is the vehicle's own and never goes back.
 class LinkLedger {
  public:
@@ -77,6 +77,7 @@ class LinkLedger {
     std::uint16_t tag;
     std::uint8_t tile_count;
     State state;
+    bool ambiguous;  ///< another in the ring has its tag
   };
 
   static constexpr std::uint32_t kOvertaken = 3;
@@ -86,6 +87,8 @@ class LinkLedger {
   [[nodiscard]] const Frame& frame(std::uint32_t number) const { return frames_[number % kFrames]; }
   void resolve(std::uint32_t number, State state);
   void forget_resolved();
+  [[nodiscard]] base::TimeUs silence_us(base::TimeUs now_us, bool idle,
+                                        base::TimeUs named_us) const;
   void learn_round_trip(base::TimeUs measured_us);
 
   std::array<Frame, kFrames> frames_{};
@@ -107,8 +110,13 @@ class LinkLedger {
   base::TimeUs last_report_us_ = 0;
   bool waiting_ = false;  ///< frames with tiles left since the last report, or were under way then
   int timeouts_ = 0;      ///< in a row
+  // Since there was nothing under way.
+  base::TimeUs busy_since_us_ = 0;
+  std::uint32_t busy_frames_ = 0;   ///< with tiles
+  std::uint32_t hasty_frames_ = 0;  ///< of these, taken for lost before anything was known of them
   std::uint32_t loss_q16_ = 0;
   bool heard_ = false;
+  bool loses_ = false;  ///< a report told of a loss
 };
 
 }  // namespace leadline::firmware

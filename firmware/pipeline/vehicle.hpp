@@ -349,6 +349,7 @@ class Vehicle {
   void send_digest();
   void fill_digest(const proto::TileRange& range, proto::Digest& digest) const;
   [[nodiscard]] std::size_t frame_limit_bytes() const;
+  [[nodiscard]] bool line_is_busy() const;
   [[nodiscard]] std::uint32_t favour(model::TileId tile) const;
   void send_status();
   [[nodiscard]] base::Result<std::size_t> encode_full_status(proto::Status& status);

@@ -11,10 +11,13 @@ using model::TileId;
 
 // A packet is begun when this much of it can be sent: below, headers eat the line.
 constexpr std::size_t kWorthwhileFrame_bytes = 256;
-// Of frame_limit_bytes().
+// Of frame_limit_bytes(): about one tile and a half.
 constexpr std::size_t kLeastFrames = 32;
+constexpr std::size_t kLossyFrame_bytes = 160;
 constexpr std::size_t kTypicalTile_bytes = 96;
 constexpr std::uint32_t kLossy_q16 = 65'536 / 20;
+// Of line_is_busy().
+constexpr TimeUs kLongestCycle_us = 200'000;
 // A digest is said when nothing has been under way for this long.
 constexpr TimeUs kQuiet_us = 300'000;
 constexpr std::size_t kFewTiles = 8;
@@ -339,7 +342,15 @@ std::size_t Vehicle::frame_limit_bytes() const {
     return longest;
   }
   const std::size_t backlog_bytes = unsent_.size() * kTypicalTile_bytes;
-  return min_of(longest, base::max_of(backlog_bytes / kLeastFrames, kLeastBurst_bytes));
+  return min_of(longest, base::max_of(backlog_bytes / kLeastFrames, kLossyFrame_bytes));
+}
+
+// The line is to have work until the next cycle, and no queue that every later frame would wait behind: what
+// becomes of a frame is known the later for it.
+bool Vehicle::line_is_busy() const {
+  const auto cycle_us = static_cast<std::uint64_t>(min_of(now_us_ - before_us_, kLongestCycle_us));
+  const std::uint64_t one_and_a_half = config_.link.rate_bytes_s * cycle_us * 3 / 2'000'000;
+  return downlink_.backlog_bytes() > one_and_a_half;
 }
 
 // What is near the vehicle, or looked at, goes first.
@@ -611,7 +622,7 @@ void Vehicle::send_deltas() {
   while (!frame_waits_ &&
          unsent_.best_due(tick_, TileSet::kMaxWeight, max_age_ticks(), favoured, tile)) {
     const std::size_t limit = frame_limit_bytes();
-    if (downlink_.free_bytes() < min_of(limit, kWorthwhileFrame_bytes)) {
+    if (downlink_.free_bytes() < min_of(limit, kWorthwhileFrame_bytes) || line_is_busy()) {
       return;
     }
     proto::TilePacketEncoder packet(

@@ -13,6 +13,8 @@ struct LinkSimOptions {
   double reorder = 0.0;
   double duplicate = 0.0;
   std::uint64_t seed = 1;
+  std::uint64_t seeds =
+      1;              ///< runs, from `seed` on; of more than one the spread is printed, as JSON
   int mtu_bytes = 0;  ///< 0: the log's own
   double delay_ms = 5.0;
   bool join = false;  ///< the topside knows no hello when it starts

@@ -28,8 +28,10 @@ class Line {
   Line(const LineOptions& options, std::uint64_t stream)
       : options_(options), random_(options.seed, stream) {}
 
-  void send(TimeUs now_us, const std::uint8_t* frame, std::size_t size_bytes, bool cut) {
+  /// Whether it will arrive.
+  bool send(TimeUs now_us, const std::uint8_t* frame, std::size_t size_bytes, bool cut) {
     const double take_us = 1e6 * static_cast<double>(size_bytes) / options_.bytes_per_s;
+    idle_us_ += std::max(0.0, static_cast<double>(now_us) - free_us_);
     free_us_ = std::max(free_us_, static_cast<double>(now_us)) + take_us;
     // Four draws a frame, whatever becomes of it: fates depend on the frame's number alone.
     const bool lost = random_.uniform() < options_.loss;
@@ -37,7 +39,7 @@ class Line {
     const bool twice = random_.uniform() < options_.duplicate;
     const double followers = 1.0 + 2.0 * random_.uniform();
     if (lost || cut) {
-      return;
+      return false;
     }
     const double step_us = std::max(take_us, 1000.0);
     const double arrival_us = free_us_ + static_cast<double>(options_.delay_us);
@@ -46,6 +48,7 @@ class Line {
     if (twice) {
       put(arrival_us + late_us + step_us / 2.0, frame, size_bytes);
     }
+    return true;
   }
 
   /// The next frame that arrives until then, and when.
@@ -57,6 +60,11 @@ class Line {
     under_way_.erase(under_way_.begin());
     return next;
   }
+  /// Until `now_us`, with nothing to carry.
+  [[nodiscard]] double idle_us(TimeUs now_us) const {
+    return idle_us_ + std::max(0.0, static_cast<double>(now_us) - free_us_);
+  }
+  void begin(TimeUs now_us) { free_us_ = static_cast<double>(now_us); }
   [[nodiscard]] TimeUs next_us() const {
     return under_way_.empty() ? INT64_MAX : under_way_.begin()->first;
   }
@@ -69,6 +77,7 @@ class Line {
   const LineOptions& options_;
   Random random_;
   double free_us_ = 0.0;
+  double idle_us_ = 0.0;
   std::multimap<TimeUs, Bytes> under_way_;
 };
 
@@ -143,6 +152,8 @@ class Trial {
     }
     vehicle_->restart_link();
     begin_us_ = *t_us_;
+    down_.begin(begin_us_);
+    up_.begin(begin_us_);
     tiles_lost_before_ = vehicle_->counters().tiles_lost;
     result_.tiles = vehicle_->counters().tiles_unsent;
     TimeUs poll_us = begin_us_;
@@ -221,13 +232,21 @@ class Trial {
       result_.frames_down += 1;
       last_second_.emplace_back(now_us, size);
       in_last_second_ += size;
-      down_.send(now_us, frame, size, cut(now_us));
+      count_kind(frame[kTypeAt], size);
+      result_.frames_dropped += down_.send(now_us, frame, size, cut(now_us)) ? 0U : 1U;
     });
     while (!last_second_.empty() && last_second_.front().first <= now_us - 1'000'000) {
       in_last_second_ -= last_second_.front().second;
       last_second_.pop_front();
     }
     result_.most_in_1s = std::max<std::uint64_t>(result_.most_in_1s, in_last_second_);
+  }
+
+  void count_kind(std::uint8_t type, std::size_t size_bytes) {
+    const auto kind = static_cast<proto::MessageType>(type);
+    const bool status = kind == proto::MessageType::kStatus || kind == proto::MessageType::kBrief;
+    result_.delta_bytes += kind == proto::MessageType::kTileDelta ? size_bytes : 0U;
+    result_.status_bytes += status ? size_bytes : 0U;
   }
 
   void take(TimeUs now_us, const Bytes& frame) {
@@ -259,8 +278,13 @@ class Trial {
         receiver_->store() != nullptr && receiver_->store()->cells_hash() == vehicle_->cells_hash();
     result_.converged = result_.hash_equal;
     result_.tiles_lost = vehicle_->counters().tiles_lost - tiles_lost_before_;
+    result_.idle_seconds = 1e-6 * down_.idle_us(now_us);
+    result_.cells_came = receiver_->counters().delta_cells;
+    result_.cells_needless = receiver_->counters().repeated_cells;
   }
 
+  /// Delimiter and code of the first block stand before it; no type is 0.
+  static constexpr std::size_t kTypeAt = 2;
   static constexpr std::uint32_t kRoom_bytes = firmware::kDownlinkCapacity_bytes;
 
   firmware::Vehicle* vehicle_;

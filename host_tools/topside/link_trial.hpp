@@ -46,6 +46,13 @@ struct LinkTrialResult {
   std::uint32_t tiles = 0;       ///< that were owed when it began
   std::uint64_t tiles_lost = 0;  ///< tiles in frames that the vehicle took for lost
   std::uint64_t most_in_1s = 0;  ///< most bytes that the vehicle sent in any second
+  // Where the bytes and the time went.
+  std::uint64_t delta_bytes = 0;     ///< of bytes_down, frames of cells
+  std::uint64_t status_bytes = 0;    ///< statuses and briefs
+  std::uint64_t frames_dropped = 0;  ///< of frames_down, those that the line lost
+  std::uint64_t cells_needless = 0;  ///< cells that came and were there already
+  std::uint64_t cells_came = 0;      ///< all that came
+  double idle_seconds = 0.0;         ///< the line down had nothing to carry
 };
 
 /// Lets the topside start from nothing while the vehicle, which is drained, owes every tile that it knows.

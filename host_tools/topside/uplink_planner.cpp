@@ -8,14 +8,14 @@
 namespace leadline::host {
 namespace {
 
-// Bytes up for bytes that came down: 1 in 10, which is 1 in 14 of those sent where 3 of 10 are lost.
-constexpr double kShare = 1.0 / 10.0;
-constexpr double kFirstBudget_bytes = 48.0;
+// Bytes up for bytes that came down: 1 in 14 of those sent where 3 of 10 are lost. The first are on credit.
+constexpr double kShare = 0.1;
+constexpr double kFirstBudget_bytes = 32.0;
 constexpr double kMostBudget_bytes = 256.0;
 constexpr double kRich_bytes = 64.0;
-constexpr double kMostDebt_bytes = 48.0;
+constexpr double kMostDebt_bytes = 32.0;
 // A report may be lost itself: every frame stands in so many.
-constexpr int kReports = 3;
+constexpr int kReports = 4;
 constexpr int kFramesPerReport = 3;
 constexpr base::TimeUs kLeastGap_us = 20'000;
 constexpr base::TimeUs kMostGap_us = 10'000'000;
@@ -161,10 +161,14 @@ std::vector<std::uint8_t> UplinkPlanner::report(base::TimeUs now_us, const TileS
   }
   proto::Report report{};
   report.survey_tag = store.tag();
-  // As many as can be paid for: what is old was reported already.
+  // As many as can be paid for, and all that no report has named yet: what is left out counts as lost.
+  const auto fresh =
+      static_cast<double>(std::count_if(heard_.begin(), heard_.end(), [](const Heard& each) {
+        return each.reports_left == kReports;
+      }));
   const double payable = (budget_bytes_ - kFraming_bytes - kReportHeader_bytes) / 2.0;
-  const int most = static_cast<int>(
-      std::clamp(payable, kLeastReported, static_cast<double>(proto::kMaxReportFrames)));
+  const int most = static_cast<int>(std::clamp(std::max(payable, fresh), kLeastReported,
+                                               static_cast<double>(proto::kMaxReportFrames)));
   for (auto each = heard_.rbegin(); each != heard_.rend(); ++each) {
     if (each->reports_left > 0 && report.frame_count < most) {
       report.frame_tags[report.frame_count] = each->tag;

@@ -59,9 +59,11 @@ LinkTrialOptions bad_line(double bytes_per_s, std::uint64_t seed) {
 }
 
 TEST(a_bad_line_converges_within_its_bounds) {
-  std::printf("baud    MTU  seeds  B0     bytes/ideal mean max   up/down  time/ideal mean max\n");
+  std::printf(
+      "baud    MTU  seeds  B0     bytes/ideal mean max within  up/down  time/ideal mean max "
+      "within\n");
   for (const double baud : {1200.0, 9600.0, 115'200.0, 1'000'000.0}) {
-    for (const std::uint16_t mtu_bytes : {std::uint16_t{256}, std::uint16_t{1400}}) {
+    for (const std::uint16_t mtu_bytes : {std::uint16_t{1400}}) {
       const double bytes_per_s = baud / 10.0;
       TimeUs t_us = flown(bytes_per_s, mtu_bytes);
       LinkTrialOptions clean;
@@ -69,14 +71,21 @@ TEST(a_bad_line_converges_within_its_bounds) {
       const LinkTrialResult lossless = run_link_trial(&vehicle, &t_us, clean);
       assert_true(lossless.converged);
       assert_true(lossless.tiles >= 24);
-      assert_int_equal(lossless.tiles_lost, 0);
+      // Of thirty: the first round trips on a slow line are guesses.
+      assert_true(lossless.tiles_lost <= 4);
       const double ideal_bytes = static_cast<double>(lossless.bytes_down) / (1.0 - kLoss);
+      leadline::firmware::Downlink bucket;
+      bucket.configure(static_cast<std::uint32_t>(bytes_per_s), mtu_bytes);
+      const std::uint64_t budget_bytes =
+          static_cast<std::uint64_t>(bytes_per_s) + bucket.burst_bytes();
       double bytes_sum = 0.0;
       double bytes_most = 0.0;
       double time_sum = 0.0;
       double time_most = 0.0;
       double up_most = 0.0;
-      constexpr int kSeeds = 12;
+      constexpr int kSeeds = 20;
+      int bytes_within = 0;
+      int time_within = 0;
       for (int seed = 1; seed <= kSeeds; ++seed) {
         settle_vehicle(&vehicle, &t_us, 20'000);
         const LinkTrialResult result = run_link_trial(
@@ -86,26 +95,52 @@ TEST(a_bad_line_converges_within_its_bounds) {
         const double time = result.seconds * bytes_per_s / ideal_bytes;
         bytes_sum += bytes;
         time_sum += time;
+        bytes_within += bytes <= 1.3 ? 1 : 0;
+        time_within += time <= 1.5 ? 1 : 0;
         bytes_most = std::max(bytes_most, bytes);
         time_most = std::max(time_most, time);
         up_most = std::max(
             up_most, static_cast<double>(result.bytes_up) / static_cast<double>(result.bytes_down));
-        // The budget holds in every second, up to the burst.
-        assert_true(result.most_in_1s <=
-                    static_cast<std::uint64_t>(bytes_per_s) +
-                        std::max<std::uint64_t>(1400, static_cast<std::uint64_t>(bytes_per_s / 8)));
+        // The budget holds in every second, to the byte: the rate and a full bucket.
+        assert_true(result.most_in_1s <= budget_bytes);
       }
-      std::printf("%-7.0f %4d %5d %6llu        %5.2f %5.2f      %5.3f       %5.2f %5.2f\n", baud,
+      std::printf("%-7.0f %4d %5d %6llu        %5.2f %5.2f %3d  %5.3f  %5.2f %5.2f %3d\n", baud,
                   mtu_bytes, kSeeds, static_cast<unsigned long long>(lossless.bytes_down),
-                  bytes_sum / kSeeds, bytes_most, up_most, time_sum / kSeeds, time_most);
+                  bytes_sum / kSeeds, bytes_most, bytes_within, up_most, time_sum / kSeeds,
+                  time_most, time_within);
       std::fflush(stdout);
-      assert_true(bytes_sum / kSeeds <= 1.3);
+      assert_true(bytes_sum / kSeeds <= 1.15 && bytes_most <= 1.6);
       assert_true(up_most <= 0.1);
+      assert_true(bytes_within >= 18);
       // A line that carries all in a few round trips waits for these instead.
       if (ideal_bytes / bytes_per_s > 1.0) {
-        assert_true(time_sum / kSeeds <= 1.5);
+        assert_true(time_sum / kSeeds <= 1.25 && time_within >= 18);
       }
     }
+  }
+}
+
+// What a line does wrong alone must not cost more than both ends need to notice it, whatever the MTU.
+TEST(any_mtu_and_a_line_that_only_reorders_or_only_doubles_converge) {
+  for (const std::uint16_t mtu_bytes :
+       {std::uint16_t{256}, std::uint16_t{700}, std::uint16_t{1400}}) {
+    TimeUs t_us = flown(960.0, mtu_bytes);
+    LinkTrialOptions options = bad_line(960.0, mtu_bytes);
+    const LinkTrialResult bad = run_link_trial(&vehicle, &t_us, options);
+    assert_true(bad.converged && bad.frames_dropped > 0);
+    options.line.loss = 0.0;
+    for (const bool reorders : {true, false}) {
+      settle_vehicle(&vehicle, &t_us, 20'000);
+      options.line.reorder = reorders ? 0.3 : 0.0;
+      options.line.duplicate = reorders ? 0.0 : 0.5;
+      const LinkTrialResult result = run_link_trial(&vehicle, &t_us, options);
+      assert_true(result.converged && result.hash_equal);
+      assert_int_equal(result.frames_dropped, 0);
+      assert_true(result.bytes_down < bad.bytes_down);
+      // A tenth of what came, doubles too, and what the first reports take on credit.
+      assert_true(result.bytes_up * 20 <= result.bytes_down * 3 + 1280);
+    }
+    settle_vehicle(&vehicle, &t_us, 20'000);
   }
 }
 

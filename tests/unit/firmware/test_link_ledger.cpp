@@ -112,6 +112,33 @@ TEST(the_oldest_makes_room) {
   assert_int_equal(ledger.under_way_frames(), LinkLedger::kFrames - 1);
 }
 
+// One name, two frames: a report that names it may mean either, so neither counts as come.
+TEST(frames_that_share_a_name_both_go_again) {
+  ledger.reset();
+  send(7, 0, {1});
+  send(8, 1000, {2});
+  send(7, 2000, {3});
+  for (std::uint16_t tag = 20; tag < 24; ++tag) {
+    send(tag, 3000 + tag, {tag});
+  }
+  ledger.note_report(10'000);
+  assert_true(confirmed(7, 10'000).empty());
+  assert_true(confirmed(8, 10'000) == std::vector<std::uint32_t>{2});
+  assert_true(confirmed(23, 10'000) == std::vector<std::uint32_t>{23});
+  assert_true(lost(10'000) == (std::vector<std::uint32_t>{1, 3, 20}));
+}
+
+// A frame whose name a report has told already: to tell it once more is not the news of another that bears it.
+TEST(a_name_told_before_confirms_no_later_frame) {
+  ledger.reset();
+  send(7, 0, {1});
+  ledger.note_report(1000);
+  assert_true(confirmed(7, 1000) == std::vector<std::uint32_t>{1});
+  send(7, 2000, {2});
+  ledger.note_report(3000);
+  assert_true(confirmed(7, 3000).empty());
+}
+
 TEST(loss_is_estimated) {
   ledger.reset();
   Random random(5);
