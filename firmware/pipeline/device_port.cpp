@@ -59,11 +59,11 @@ hal::Ping1dConfig for_decoding(hal::Ping1dConfig config) {
   config.max_range_um = 300'000'000;
   return config;
 }
-hal::WlDvlConfig for_decoding(hal::WlDvlConfig config) {
+[[maybe_unused]] hal::WlDvlConfig for_decoding(hal::WlDvlConfig config) {
   config.drop_repeats = false;
   return config;
 }
-hal::XsensConfig for_decoding(hal::XsensConfig config) {
+[[maybe_unused]] hal::XsensConfig for_decoding(hal::XsensConfig config) {
   config.use_pressure = true;
   return config;
 }
