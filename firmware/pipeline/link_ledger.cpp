@@ -51,7 +51,7 @@ bool LinkLedger::has_room(std::size_t tile_count) const {
 
 // The oldest frames of the ring whose fate is known make room.
 void LinkLedger::forget_resolved() {
-  while (first_ != end_ && frame(first_).state != State::kUnderWay) {
+  while (first_ != end_ && frame(first_).state >= State::kConfirmed) {
     ++first_;
   }
   if (static_cast<std::int32_t>(newest_confirmed_ - first_) < 0) {
@@ -77,15 +77,15 @@ void LinkLedger::sent(std::uint16_t tag, const FrameTile* tiles, std::size_t til
   for (std::size_t i = 0; i < tile_count; ++i) {
     tiles_[(tiles_end_ + i) % kFrameTiles] = tiles[i];
   }
-  bool ambiguous = false;
+  State state = State::kUnderWay;
   for (std::uint32_t back = 1; back < kFrames; ++back) {
-    const std::uint32_t number = end_ - back;
-    if (frame(number).tag == tag && frame(number).tile_count > 0) {
-      frame(number).ambiguous = ambiguous = true;
+    Frame& before = frame(end_ - back);
+    if (before.tag == tag && before.tile_count > 0) {
+      state = State::kNameless;
+      before.state = before.state == State::kUnderWay ? State::kNameless : before.state;
     }
   }
-  frame(end_) = Frame{now_us,           tiles_end_, tag, static_cast<std::uint8_t>(tile_count),
-                      State::kUnderWay, ambiguous};
+  frame(end_) = Frame{now_us, tiles_end_, tag, static_cast<std::uint8_t>(tile_count), state};
   if (tile_count > 0) {
     if (under_way_ == 0) {
       busy_since_us_ = now_us;
@@ -149,7 +149,7 @@ void LinkLedger::note_report(TimeUs now_us) {
 void LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
   for (std::uint32_t number = first_; number != end_; ++number) {
     Frame& each = frame(number);
-    if (each.tag != tag || each.state != State::kUnderWay || each.ambiguous) {
+    if (each.tag != tag || each.state != State::kUnderWay) {
       continue;
     }
     resolve(number, State::kConfirmed);
@@ -189,7 +189,7 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
         max_of(max_of(round_trip_us_ + 2 * deviation_us_, lately_us), kLeastPatience_us);
     for (std::uint32_t number = first_; number != end_ && telling_count_ == 0; ++number) {
       Frame& each = frame(number);
-      if (each.state != State::kUnderWay) {
+      if (each.state >= State::kConfirmed) {
         continue;
       }
       const bool overtaken = static_cast<std::int32_t>(newest_confirmed_ - 1 - number) >=

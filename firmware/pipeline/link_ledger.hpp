@@ -70,14 +70,14 @@ class LinkLedger {
   [[nodiscard]] std::uint32_t loss_q16() const { return loss_q16_; }
 
  private:
-  enum class State : std::uint8_t { kUnderWay, kConfirmed, kLost };
+  /// kNameless: under way, and another in the ring has its tag.
+  enum class State : std::uint8_t { kUnderWay, kNameless, kConfirmed, kLost };
   struct Frame {
     base::TimeUs sent_us;
     std::uint32_t first_tile;  ///< place in tiles_, modulo kFrameTiles
     std::uint16_t tag;
     std::uint8_t tile_count;
     State state;
-    bool ambiguous;  ///< another in the ring has its tag
   };
 
   static constexpr std::uint32_t kOvertaken = 3;
