@@ -23,9 +23,10 @@ void add_monitor_command(CLI::App* app, CommandRun* run) {
   command->add_option("--out", options->out_dir, "Map and receive.json, at the end and on SIGUSR1")
       ->type_name("DIR");
   command
-      ->add_option("--budget", options->budget_bytes_s,
-                   "What the link may carry, to be shown beside what it does: the vehicle's "
-                   "link.rate_bytes_s")
+      ->add_option(
+          "--budget", options->budget_bytes_s,
+          "What the link may carry, to be shown beside what it does, where that is not the "
+          "vehicle's link.rate_bytes_s")
       ->type_name("BYTES_PER_S")
       ->check(CLI::Range(1.0, 1e9));
   command

@@ -110,7 +110,7 @@ bool text_in_range(const Text& text) {
 
 // --- Hello
 
-/// The minor that added names to the hello.
+/// The minor that added names and the link's rate to the hello.
 constexpr std::uint8_t kNamesMinor = 1;
 
 bool hello_text_in_range(const HelloText& text) {
@@ -150,8 +150,48 @@ bool hello_in_range(const Hello& hello) {
 
 constexpr std::int32_t kMaxPosition_cm = INT32_MAX / 10;  // and -INT32_MIN / 10 alike
 
+constexpr std::int8_t kDown_bam8 = 64;
+
+bool swath_in_range(const Swath& swath) {
+  bool good = swath.beam_count <= kMaxSwathBeams;
+  for (std::size_t i = 0; good && i < swath.beam_count; ++i) {
+    good = within(swath.beams[i].depression_bam8, -kDown_bam8, kDown_bam8);
+  }
+  return good;
+}
+
+void put_swath(ByteWriter& fields, const Swath& swath) {
+  fields.u8(swath.beam_count);
+  for (std::size_t i = 0; i < swath.beam_count; ++i) {
+    fields.u8(swath.beams[i].azimuth_bam8);
+    fields.u8(static_cast<std::uint8_t>(swath.beams[i].depression_bam8));
+    fields.varint(swath.beams[i].range_dm);
+  }
+}
+
+/// A message of minor 0 ends where the swath would begin.
+base::Status take_swath(ByteReader& fields, Swath& swath) {
+  if (fields.status() != base::Status::kOk || fields.left_bytes() == 0) {
+    return fields.status();
+  }
+  swath.beam_count = fields.u8();
+  if (swath.beam_count > kMaxSwathBeams) {
+    return base::Status::kOutOfRange;
+  }
+  for (std::size_t i = 0; i < swath.beam_count; ++i) {
+    swath.beams[i].azimuth_bam8 = fields.u8();
+    swath.beams[i].depression_bam8 = static_cast<std::int8_t>(fields.u8());
+    const std::uint32_t range_dm = fields.varint();
+    if (range_dm > UINT16_MAX) {
+      return base::Status::kOutOfRange;
+    }
+    swath.beams[i].range_dm = static_cast<std::uint16_t>(range_dm);
+  }
+  return fields.status();
+}
+
 bool brief_in_range(const Brief& brief) {
-  bool good = brief.pose_validity <= 7;
+  bool good = brief.pose_validity <= 7 && swath_in_range(brief.swath);
   for (const std::int32_t position : brief.position_cm) {
     good = good && within(position, -kMaxPosition_cm, kMaxPosition_cm);
   }
@@ -159,7 +199,8 @@ bool brief_in_range(const Brief& brief) {
 }
 
 bool status_in_range(const Status& status) {
-  bool good = status.port_count <= kMaxStatusPorts && status.pose_validity <= 7;
+  bool good = status.port_count <= kMaxStatusPorts && status.pose_validity <= 7 &&
+              swath_in_range(status.swath);
   for (std::size_t i = 0; good && i < status.port_count; ++i) {
     good = status.ports[i].state <= 1;
   }
@@ -293,6 +334,7 @@ base::Result<std::size_t> encode_hello(const Hello& hello, std::uint8_t* out,
       fields.u8(text->size_bytes);
       fields.bytes(text->text, text->size_bytes);
     }
+    fields.u32(hello.link_rate_bytes_s);
   }
   return fields.result();
 }
@@ -341,6 +383,7 @@ base::Result<Hello> decode_hello(const std::uint8_t* payload, std::size_t size_b
         return status;
       }
     }
+    hello.link_rate_bytes_s = fields.u32();
   }
   if (fields.status() != base::Status::kOk) {
     return fields.status();
@@ -382,6 +425,7 @@ base::Result<std::size_t> encode_status(const Status& status, std::uint8_t* out,
     fields.u8(status.ports[i].state);
     each_port_number(status.ports[i], put);
   }
+  put_swath(fields, status.swath);
   return fields.result();
 }
 
@@ -416,8 +460,12 @@ base::Result<Status> decode_status(const std::uint8_t* payload, std::size_t size
     status.ports[i].state = fields.u8();
     each_port_number(status.ports[i], take);
   }
-  if (fields.status() != base::Status::kOk) {
-    return fields.status();
+  if (status.port_count > kMaxStatusPorts) {
+    return base::Status::kOutOfRange;
+  }
+  const base::Status taken = take_swath(fields, status.swath);
+  if (taken != base::Status::kOk) {
+    return taken;
   }
   if (!status_in_range(status)) {
     return base::Status::kOutOfRange;
@@ -442,6 +490,7 @@ Brief brief_of(const Status& status) {
   brief.tiles_known = status.tiles_known;
   brief.tiles_dirty = status.tiles_dirty;
   brief.cells_sent = status.cells_sent;
+  brief.swath = status.swath;
   return brief;
 }
 
@@ -460,6 +509,7 @@ void apply_brief(const Brief& brief, Status& status) {
   status.tiles_known = brief.tiles_known;
   status.tiles_dirty = brief.tiles_dirty;
   status.cells_sent = brief.cells_sent;
+  status.swath = brief.swath;
 }
 
 base::Result<std::size_t> encode_brief(const Brief& brief, std::uint8_t* out,
@@ -481,6 +531,7 @@ base::Result<std::size_t> encode_brief(const Brief& brief, std::uint8_t* out,
   fields.varint(brief.tiles_known);
   fields.varint(brief.tiles_dirty);
   fields.varint(brief.cells_sent);
+  put_swath(fields, brief.swath);
   return fields.result();
 }
 
@@ -502,8 +553,9 @@ base::Result<Brief> decode_brief(const std::uint8_t* payload, std::size_t size_b
   brief.tiles_known = fields.varint();
   brief.tiles_dirty = fields.varint();
   brief.cells_sent = fields.varint();
-  if (fields.status() != base::Status::kOk) {
-    return fields.status();
+  const base::Status taken = take_swath(fields, brief.swath);
+  if (taken != base::Status::kOk) {
+    return taken;
   }
   if (!brief_in_range(brief)) {
     return base::Status::kOutOfRange;

@@ -86,13 +86,14 @@ struct Hello {
   std::int64_t longitude_e9deg;      ///< +-180e9
   std::int32_t epsg;                 ///< of the projection to export to, 0 = none, 0 .. 999999
   std::uint32_t table_crc[kMaxHelloTables];  ///< localization tables in use; 0 beyond table_count
-  /// From minor 1 on; both empty in a hello of minor 0, and not written into one.
+  /// From minor 1 on; empty and 0 in a hello of minor 0, and not written into one.
   HelloText survey_name;
-  HelloText vertical_datum;  ///< what depth 0 means
+  HelloText vertical_datum;         ///< what depth 0 means
+  std::uint32_t link_rate_bytes_s;  ///< most that the vehicle puts into the downlink; 0: not said
 };
 
 /// A hello without tables and with both texts empty.
-inline constexpr std::size_t kLeastHello_bytes = 88;
+inline constexpr std::size_t kLeastHello_bytes = 92;
 inline constexpr std::size_t kMaxHello_bytes =
     kLeastHello_bytes + std::size_t{4} * kMaxHelloTables + 2 * kMaxHelloText_bytes;
 
@@ -149,6 +150,23 @@ enum PingOutcome : std::uint8_t {
   kPingStopped = 12,  ///< the survey was stopped by a command
 };
 
+/// A beam of now, from where the pose is.
+struct BeamOfNow {
+  std::uint8_t azimuth_bam8;    ///< 2^8 = one turn, from north to east
+  std::int8_t depression_bam8;  ///< -64 up .. 64 straight down
+  std::uint16_t range_dm;       ///< to the return; saturates
+};
+
+inline constexpr int kMaxSwathBeams = 2;
+
+/// The first and the last mapped beam of the newest transmission: of a single beam one, of a fan its edges.
+struct Swath {
+  std::uint8_t beam_count;  ///< 0 .. kMaxSwathBeams
+  BeamOfNow beams[kMaxSwathBeams];
+};
+
+inline constexpr std::size_t kMaxSwath_bytes = 1 + 5 * kMaxSwathBeams;
+
 struct PortStatus {
   std::uint8_t state;           ///< 0 closed, 1 open
   std::uint32_t bytes_in;       ///< low 32 bits
@@ -196,9 +214,11 @@ struct Status {
 
   std::uint8_t port_count;  ///< 0 .. kMaxStatusPorts
   PortStatus ports[kMaxStatusPorts];
+  Swath swath;  ///< from minor 1 on; no beam in a status of minor 0
 };
 
-inline constexpr std::size_t kMaxStatus_bytes = 64 + 5 * 40 + 21 * kMaxStatusPorts;
+inline constexpr std::size_t kMaxStatus_bytes =
+    64 + 5 * 40 + 21 * kMaxStatusPorts + kMaxSwath_bytes;
 
 [[nodiscard]] base::Result<std::size_t> encode_status(const Status& status, std::uint8_t* out,
                                                       std::size_t capacity_bytes);
@@ -218,9 +238,10 @@ struct Brief {
   std::uint32_t tiles_known;
   std::uint32_t tiles_dirty;
   std::uint32_t cells_sent;
+  Swath swath;  ///< from minor 1 on; no beam in a brief of minor 0
 };
 
-inline constexpr std::size_t kMaxBrief_bytes = 51;
+inline constexpr std::size_t kMaxBrief_bytes = 51 + kMaxSwath_bytes;
 
 [[nodiscard]] Brief brief_of(const Status& status);
 /// What the brief says of them becomes the status's fields; the others stay. Its time stays within 2^31 ms of

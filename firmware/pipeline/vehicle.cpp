@@ -31,8 +31,10 @@ constexpr TimeUs kSharedPulse_us = 20'000;
 constexpr TimeUs kLateEdge_us = 1'000'000;
 constexpr std::int32_t kLongestLever_mm = 1'000'000;
 constexpr std::int32_t kLargestStep_mdb = 6000;
-// The largest hello without its texts takes 127.
 constexpr std::uint16_t kLeastMtu_bytes = 128;
+static_assert(proto::kLeastHello_bytes + 4 * kMaxTables <=
+                  proto::max_payload_bytes(kLeastMtu_bytes),
+              "every hello, without its texts, fits every link");
 constexpr std::uint16_t kMostMtu_bytes = 1400;
 constexpr std::uint32_t kLongestTileAge_us = 60'000'000;
 constexpr std::int32_t kSlowestSound_mm_s = 200'000;
@@ -702,6 +704,22 @@ void Vehicle::keep_mapped(const Pose& pose) {
   ++mapped_count_;
 }
 
+// The first and the last beam of the newest transmission.
+void Vehicle::note_beam(const Pose& head) {
+  if (ready_.kind != ReturnKind::kRange) {
+    return;
+  }
+  newest_beams_.last = {head.attitude, ready_.azimuth_bam32, ready_.elevation_bam32,
+                        ready_.range_um};
+  if (newest_beams_.count == 0 || newest_beams_.t_transmit_us != ready_.t_transmit_us) {
+    newest_beams_.first = newest_beams_.last;
+    newest_beams_.t_transmit_us = ready_.t_transmit_us;
+    newest_beams_.count = 1;
+  } else {
+    newest_beams_.count = 2;
+  }
+}
+
 std::uint32_t Vehicle::cycle_bound_voxels() const {
   if (config_.cycle_voxel_budget != 0) {
     return max_of(config_.cycle_voxel_budget, ping_bound_);
@@ -721,6 +739,7 @@ bool Vehicle::map_ready(const Pose& head, std::uint32_t& written) {
   }
   written += model_.counters().last_voxels_per_ping;
   keep_mapped(head);
+  note_beam(head);
   for (int i = 0; i < behind_count_; ++i) {
     PingLoss ignored{};
     ready_ = unbent_;

@@ -260,6 +260,19 @@ class Vehicle {
     base::TimeUs digest_sent_us;
     base::TimeUs digest_gap_us;
   };
+  /// What a status says of the newest transmission, worked out when it says it.
+  struct MappedBeam {
+    base::Attitude attitude;  ///< of the head
+    base::Bam32 azimuth_bam32;
+    base::Bam32 elevation_bam32;
+    std::int64_t range_um;
+  };
+  struct MappedBeams {
+    base::TimeUs t_transmit_us;
+    int count;  ///< 0: none yet, 2: more than the first
+    MappedBeam first;
+    MappedBeam last;
+  };
   /// Where the topside looks.
   struct LookedAt {
     std::int32_t row;  ///< of tiles, in the middle
@@ -338,6 +351,8 @@ class Vehicle {
   [[nodiscard]] bool certain_enough(const base::Pose& pose) const;
   void lose(PingLoss loss);
   void keep_mapped(const base::Pose& pose);
+  void note_beam(const base::Pose& head);
+  [[nodiscard]] proto::Swath swath_now() const;
   void note_touched_tiles();
   void extract_tiles();
   void compare_tile(model::TileId tile);
@@ -415,6 +430,7 @@ class Vehicle {
   std::uint32_t uplink_bad_ = 0;  ///< frames that its decoder had dropped when last looked at
   Watch watch_{};
   Commands commands_{};
+  MappedBeams newest_beams_{};
   HostReport host_{};              ///< the newest; port_count 0 while there is none
   std::uint32_t alarms_said_ = 0;  ///< bits that a text has reported
   std::uint32_t texts_due_ = 0;    ///< bits that a text is owed for

@@ -176,6 +176,7 @@ CommandResult Vehicle::set_parameter(CommandParameter parameter, std::int32_t va
   switch (parameter) {
     case CommandParameter::kLinkRate:
       link.rate_bytes_s = unsigned_value;
+      watch_.hello_gap_us = 0;  // the hello says it
       downlink_.set_rate(unsigned_value);
       break;
     case CommandParameter::kMaxTileAge:

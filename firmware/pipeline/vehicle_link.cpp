@@ -1,6 +1,8 @@
 // Vehicle: what goes to the link, and what comes from it.
 #include "firmware/pipeline/vehicle.hpp"
+#include "model/base/angle.hpp"
 #include "model/base/fixed.hpp"
+#include "model/event.hpp"
 
 namespace leadline::firmware {
 namespace {
@@ -36,6 +38,8 @@ constexpr TimeUs kFirstHelloGap_us = 1'000'000;
 // Statuses get this part of the link, and one of so many is a full one.
 constexpr TimeUs kStatusShare = 16;
 constexpr std::uint32_t kStatusesPerFull = 16;
+// What was mapped longer ago than this is no beam of now.
+constexpr TimeUs kBeamOfNow_us = 2'000'000;
 // A survey leaves the grid at every turn. That is said again only after so long inside.
 constexpr TimeUs kOutsideEpisode_us = 300'000'000;
 
@@ -412,6 +416,7 @@ void Vehicle::send_hello() {
     hello.longitude_e9deg = navigator_.plane().origin().longitude_e9deg;
   }
   hello.epsg = config_.epsg;
+  hello.link_rate_bytes_s = config_.link.rate_bytes_s;
   for (int i = 0; i < config_.table_count; ++i) {
     hello.table_crc[i] = table_crc_[i];
   }
@@ -424,6 +429,30 @@ void Vehicle::send_hello() {
     watch_.hello_sent_us = now_us_;
     watch_.hello_due_us = now_us_ + watch_.hello_gap_us;
   }
+}
+
+proto::Swath Vehicle::swath_now() const {
+  proto::Swath swath{};
+  if (newest_beams_.count == 0 || now_us_ - newest_beams_.t_transmit_us > kBeamOfNow_us) {
+    return swath;
+  }
+  constexpr base::Bam32 kHalfStep_bam32 = base::Bam32{1} << 23U;
+  for (int i = 0; i < newest_beams_.count; ++i) {
+    const MappedBeam& beam = i == 0 ? newest_beams_.first : newest_beams_.last;
+    const model::Direction axis =
+        model::beam_frame(beam.attitude, beam.azimuth_bam32, beam.elevation_bam32, 0).axis;
+    const std::int64_t north = axis.q30[base::kNorth];
+    const std::int64_t east = axis.q30[base::kEast];
+    const std::uint32_t horizontal =
+        base::isqrt_u64(static_cast<std::uint64_t>(north * north + east * east));
+    const base::Bam32 azimuth = base::atan2_bam32(east, north);
+    const base::Bam32 depression = base::atan2_bam32(axis.q30[base::kDown], horizontal);
+    const std::uint32_t range_dm = static_cast<std::uint32_t>(beam.range_um / 100'000);
+    swath.beams[swath.beam_count++] = {
+        static_cast<std::uint8_t>((azimuth + kHalfStep_bam32) >> 24U),
+        static_cast<std::int8_t>((depression + kHalfStep_bam32) >> 24U), limited16(range_dm)};
+  }
+  return swath;
 }
 
 void Vehicle::send_status() {
@@ -532,6 +561,7 @@ void Vehicle::fill_status(proto::Status& status) const {
         static_cast<std::uint8_t>(open ? 1 : 0), low32(tally.bytes), low32(tally.records),
         low32(tally.rejected), told ? host_.dropped_bytes[port] : 0U};
   }
+  status.swath = swath_now();
 }
 
 std::uint32_t Vehicle::alarms_now() const {

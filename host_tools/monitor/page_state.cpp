@@ -8,6 +8,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kDegPerBam16 = 360.0 / 65536.0;
+constexpr double kDegPerBam8 = 360.0 / 256.0;
 
 struct OutcomeName {
   proto::PingOutcome outcome;
@@ -81,6 +82,13 @@ Json vehicle_json(const proto::Status& status) {
                   {"bound", status.work_bound_voxels}};
   json["cycle_us"] = {{"last", status.cycle_last_us}, {"max", status.cycle_max_us}};
   json["nav"] = {{"fused", status.nav_fused}, {"rejected", status.nav_rejected}};
+  json["beams"] = Json::array();
+  for (int k = 0; k < status.swath.beam_count; ++k) {
+    const proto::BeamOfNow& beam = status.swath.beams[k];
+    json["beams"].push_back({{"azimuth_deg", beam.azimuth_bam8 * kDegPerBam8},
+                             {"depression_deg", beam.depression_bam8 * kDegPerBam8},
+                             {"range_m", beam.range_dm * 0.1}});
+  }
   json["tiles_known"] = status.tiles_known;
   json["tiles_dirty"] = status.tiles_dirty;
   json["queued_bytes"] = status.queued_bytes;
@@ -104,6 +112,14 @@ Json player_json(const Player& player) {
           {"playing", player.playing()},
           {"speed", player.speed()},
           {"seeking", player.seeking()}};
+}
+
+/// What the vehicle says it may send, unless the pilot knows better.
+double budget_bytes_s(const Receiver& receiver, const PageSurroundings& around) {
+  if (around.budget_bytes_s > 0.0 || receiver.store() == nullptr) {
+    return around.budget_bytes_s;
+  }
+  return receiver.store()->hello().link_rate_bytes_s;
 }
 
 }  // namespace
@@ -146,7 +162,7 @@ std::string PageState::json(const Receiver& receiver, const PageSurroundings& ar
                   {"refused", around.refused},
                   {"silent_s", around.silent_s},
                   {"bytes_per_s", bytes_.per_second(now_s)},
-                  {"budget_bytes_per_s", around.budget_bytes_s},
+                  {"budget_bytes_per_s", budget_bytes_s(receiver, around)},
                   {"frames_recent", frames_.sum()},
                   {"damaged_recent", damaged_.sum()},
                   {"frames", counters.frames},

@@ -18,7 +18,7 @@ struct PageSurroundings {
   std::string port_state;     ///< "open", "lost: ..."; "" = nothing to say
   std::string refused;        ///< why nothing of this vehicle is read; "" = it is
   double silent_s = -1.0;     ///< since the last byte; < 0: none ever came
-  double budget_bytes_s = 0;  ///< of the link; 0: not known
+  double budget_bytes_s = 0;  ///< of the link; 0: as the vehicle says
   std::size_t viewers = 0;
   std::uint32_t epoch = 0;
   const Player* player = nullptr;  ///< null: live

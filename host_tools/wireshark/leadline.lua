@@ -38,6 +38,9 @@ local f = {
   size = ProtoField.int32("leadline.hello.size_cells", "Size, cells (north, east, down)"),
   origin = ProtoField.int64("leadline.hello.origin_mm", "Origin, mm (north, east, down)"),
   epsg = ProtoField.int32("leadline.hello.epsg", "EPSG"),
+  name = ProtoField.string("leadline.hello.survey_name", "Survey's name"),
+  datum = ProtoField.string("leadline.hello.vertical_datum", "Vertical datum"),
+  link_rate = ProtoField.uint32("leadline.hello.link_rate_bytes_s", "Downlink's rate, bytes/s"),
   tile_count = ProtoField.uint8("leadline.delta.tile_count", "Tiles"),
   tile = ProtoField.uint32("leadline.tile", "Tile"),
   generation = ProtoField.uint32("leadline.delta.generation", "Generation"),
@@ -56,6 +59,9 @@ local f = {
   tiles_dirty = ProtoField.uint32("leadline.tiles_dirty", "Tiles to be sent"),
   cells_sent = ProtoField.uint32("leadline.cells_sent", "Cells sent"),
   pings_fused = ProtoField.uint32("leadline.pings_fused", "Pings fused"),
+  azimuth = ProtoField.uint8("leadline.swath.azimuth_bam8", "Beam's azimuth, 2^8 a turn"),
+  depression = ProtoField.int8("leadline.swath.depression_bam8", "Beam's depression, 2^8 a turn"),
+  range_dm = ProtoField.uint32("leadline.swath.range_dm", "Beam's range, dm"),
   severity = ProtoField.uint8("leadline.text.severity", "Severity", base.DEC, severities),
   text = ProtoField.string("leadline.text.text", "Text"),
   first = ProtoField.uint32("leadline.first", "First tile"),
@@ -194,11 +200,30 @@ function Reader:add_varint(tree, field)
   return value
 end
 
+function Reader:add_text(tree, field, size)
+  local text = self:take(size)
+  if text ~= nil then
+    tree:add(field, text, text:string(ENC_UTF_8))
+    return text:string(ENC_UTF_8)
+  end
+end
+
 local function unzigzag(code)
   if code % 2 == 1 then
     return -(code + 1) / 2
   end
   return code / 2
+end
+
+-- Not in a message of minor 0.
+local function add_swath(read, tree)
+  if not read.ok or read.at >= read.size then return end
+  local count = read:take(1)
+  for _ = 1, count and count:uint() or 0 do
+    read:add(tree, f.azimuth, 1)
+    read:add(tree, f.depression, 1)
+    read:add_varint(tree, f.range_dm)
+  end
 end
 
 local dissect = {}
@@ -207,7 +232,7 @@ dissect[0x01] = function(read, tree)
   if read:uint(tree, f.major, 1) ~= 1 then
     return "of another major version"
   end
-  read:add(tree, f.minor, 1)
+  local minor = read:uint(tree, f.minor, 1)
   read:take(1)
   read:add(tree, f.schema, 4)
   local survey = read:add(tree, f.survey, 8)
@@ -220,6 +245,13 @@ dissect[0x01] = function(read, tree)
   read:add(tree, f.epsg, 4)
   local tables = read:take(1)
   if tables ~= nil then read:take(4 * tables:uint()) end
+  if minor > 0 then
+    for _, field in ipairs({f.name, f.datum}) do
+      local size = read:take(1)
+      if size ~= nil then read:add_text(tree, field, size:uint()) end
+    end
+    read:add(tree, f.link_rate, 4)
+  end
   return survey and string.format("survey %s, session %d", tostring(survey:le_uint64()), session)
 end
 
@@ -262,17 +294,20 @@ dissect[0x03] = function(read, tree)
   read:add_varint(tree, f.tiles_known)
   read:add_varint(tree, f.tiles_dirty)
   read:add_varint(tree, f.cells_sent)
+  for _ = 1, 5 do read:varint() end
+  local ports = read:take(1)
+  for _ = 1, ports and ports:uint() or 0 do
+    read:take(1)
+    for _ = 1, 4 do read:varint() end
+  end
+  add_swath(read, tree)
 end
 
 dissect[0x04] = function(read, tree)
   read:add(tree, f.t_us, 8)
   read:add(tree, f.severity, 1)
   local size = read:take(1)
-  local text = size and read:take(size:uint())
-  if text ~= nil then
-    tree:add(f.text, text, text:string(ENC_UTF_8))
-    return text:string(ENC_UTF_8)
-  end
+  return size and read:add_text(tree, f.text, size:uint())
 end
 
 dissect[0x05] = function(read, tree)
@@ -289,6 +324,7 @@ dissect[0x05] = function(read, tree)
   read:add_varint(tree, f.tiles_known)
   local dirty = read:add_varint(tree, f.tiles_dirty)
   read:add_varint(tree, f.cells_sent)
+  add_swath(read, tree)
   return string.format("%d tiles to be sent", dirty)
 end
 

@@ -482,7 +482,9 @@ class Messages(unittest.TestCase):
         self.assertEqual(brief[at:at + 4], full[44:46] + b"\x09\x00")
         at += 4
         self.assertEqual([varint() for _ in range(4)], [0, 48, 3, 20000])
-        self.assertEqual(at, len(brief))
+        # The swath: two beams, at the end of both.
+        self.assertEqual(brief[at:], b"\x02\x40\x28\x7b\xc0\x29\x82\x01")
+        self.assertEqual(full[-8:], brief[at:])
 
 
 if __name__ == "__main__":

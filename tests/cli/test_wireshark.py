@@ -80,6 +80,9 @@ class Dissector(unittest.TestCase):
         self.assertEqual(layer["leadline.hello.size_cells"], ["128", "96", "30"])
         self.assertEqual(layer["leadline.hello.origin_mm"], ["-1000", "0", "11000"])
         self.assertEqual(layer["leadline.hello.epsg"], "32632")
+        self.assertEqual(layer["leadline.hello.survey_name"], "Kieler F\u00f6rde")
+        self.assertEqual(layer["leadline.hello.vertical_datum"], "NHN")
+        self.assertEqual(layer["leadline.hello.link_rate_bytes_s"], "4000")
 
     def test_status_and_brief(self):
         full, brief = (as_bytes(text) for text in fences("Vectors of the messages")[1:3])
@@ -88,7 +91,10 @@ class Dissector(unittest.TestCase):
         self.assertEqual(layer["leadline.status.position_mm"], ["12345", "-1", "5000"])
         self.assertEqual(layer["leadline.tiles_known"], "48")
         self.assertEqual(layer["leadline.cells_sent"], "20000")
+        self.assertEqual(layer["leadline.swath.range_dm"], ["123", "130"])
         layer = self.one(brief)
+        self.assertEqual(layer["leadline.swath.azimuth_bam8"], ["64", "192"])
+        self.assertEqual(layer["leadline.swath.depression_bam8"], ["40", "41"])
         self.assertEqual(layer["leadline.brief.t_ms"], "1000")
         self.assertEqual(layer["leadline.brief.position_cm"], ["1234", "0", "500"])
         self.assertEqual(layer["leadline.tiles_dirty"], "3")

@@ -64,6 +64,7 @@ inline proto::Hello sample_hello() {
   hello.table_crc[0] = 1;
   hello.table_crc[1] = 0xFFFFFFFF;
   proto::name_survey(hello, "Kieler F\xC3\xB6rde", "NHN", proto::kMaxHello_bytes);
+  hello.link_rate_bytes_s = 4000;
   return hello;
 }
 
@@ -104,6 +105,7 @@ inline proto::Status sample_status() {
   status.recorder_lost = 0xFFFFFFFF;
   status.port_count = 2;
   status.ports[0] = {1, 123'456, 789, 1, 0};
+  status.swath = {2, {{0x40, 40, 123}, {0xC0, 41, 130}}};
   return status;
 }
 

@@ -127,7 +127,12 @@ function vehicle() {
   const [northM, eastM, downM] = v.pose.position_mm.map((mm) => mm / 1000);
   if (!(v.pose.validity & 1) && !northM && !eastM) return null;
   const below = page.store.at(northM, eastM);
-  return { northM, eastM, downM, headingDeg: v.pose.heading_deg, pitchDeg: v.pose.pitch_deg, rollDeg: v.pose.roll_deg,
+  const beams = v.beams.map((beam) => {
+    const azimuth = (beam.azimuth_deg * Math.PI) / 180, depression = (beam.depression_deg * Math.PI) / 180;
+    const outM = beam.range_m * Math.cos(depression);
+    return { northM: northM + outM * Math.cos(azimuth), eastM: eastM + outM * Math.sin(azimuth), downM: downM + beam.range_m * Math.sin(depression) };
+  });
+  return { northM, eastM, downM, beams, headingDeg: v.pose.heading_deg, pitchDeg: v.pose.pitch_deg, rollDeg: v.pose.roll_deg,
            valid: (v.pose.validity & 1) !== 0, altitudeM: below ? below.depthM - downM : null };
 }
 

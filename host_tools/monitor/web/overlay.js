@@ -74,11 +74,23 @@ export class Overlay {
     c.globalAlpha = 1;
   }
 
-  /** Down to the bottom, and to the cells that changed last. */
+  /** The beam of now, or a fan's edges with what is between them; down to the bottom; the cells that changed last. */
   #beam({ vehicle, fresh }) {
     const c = this.context;
     const from = this.scene.project(vehicle);
     if (!from) return;
+    const ends = vehicle.beams.map((beam) => this.scene.project(beam)).filter(Boolean);
+    if (ends.length) {
+      c.beginPath();
+      c.moveTo(from.x, from.y);
+      for (const to of ends) c.lineTo(to.x, to.y);
+      c.closePath();
+      c.fillStyle = this.vehicleColour;
+      c.globalAlpha = 0.12;
+      c.fill();
+      c.globalAlpha = 1;
+      this.#stroke(2, this.vehicleColour);
+    }
     c.beginPath();
     for (const place of fresh) {
       const to = this.scene.project(place);

@@ -156,6 +156,7 @@ export function healthRows(state) {
   if (map) {
     add("map", "Map", `${grouped(map.known_cells)} cells`, "ok", null,
       `${metres(map.cell_mm / 1000)} each${vehicle && vehicle.tiles_dirty ? `, ${grouped(vehicle.tiles_dirty)} tiles still to come` : ""}`);
+    if (map.vertical_datum) add("datum", "Depths from", map.vertical_datum, "ok");
     if (map.incomplete_tiles) add("missing", "Lost on the way", `${grouped(map.incomplete_tiles)} tiles`, "warn", null, "asked for again");
   }
   return rows;
