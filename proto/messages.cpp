@@ -150,12 +150,12 @@ bool hello_in_range(const Hello& hello) {
 
 constexpr std::int32_t kMaxPosition_cm = INT32_MAX / 10;  // and -INT32_MIN / 10 alike
 
-constexpr std::int8_t kDown_bam8 = 64;
+constexpr int kDown_bam8 = 64;
 
 bool swath_in_range(const Swath& swath) {
   bool good = swath.beam_count <= kMaxSwathBeams;
   for (std::size_t i = 0; good && i < swath.beam_count; ++i) {
-    good = within(swath.beams[i].depression_bam8, -kDown_bam8, kDown_bam8);
+    good = within<int>(swath.beams[i].depression_bam8, -kDown_bam8, kDown_bam8);
   }
   return good;
 }
