@@ -258,6 +258,7 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   has_ready_ = false;
   autopilot_.configure(config_);
   commands_ = Commands{};
+  newest_beams_ = MappedBeams{};
   reset_map_state();
   downlink_.configure(config_.link.rate_bytes_s, config_.link.mtu_bytes);
   uplink_.decoder().reset();

@@ -181,10 +181,11 @@ TEST(a_hello_of_minor_0_has_no_names) {
   Hello hello = sample_hello();
   hello.protocol_minor = 0;
   const Bytes bytes = encoded(hello, encode_hello);
-  assert_int_equal(bytes.size(), kLeastHello_bytes - 2 + 8);
+  assert_int_equal(bytes.size(), kLeastHello_bytes - 6 + 8);
   const Hello back = decode_hello(bytes.data(), bytes.size()).value();
   assert_int_equal(back.survey_name.size_bytes, 0);
   assert_int_equal(back.vertical_datum.size_bytes, 0);
+  assert_int_equal(back.link_rate_bytes_s, 0);
 }
 
 TEST(hello_request_is_a_byte) {
@@ -236,9 +237,10 @@ TEST(largest_messages_fit_their_bounds) {
   for (PortStatus& port : status.ports) {
     port = {1, 0xFFFFFFFF, 0xFFFFFFFF, 0xFFFFFFFF, 0xFFFFFFFF};
   }
+  status.swath = {2, {{255, -64, UINT16_MAX}, {255, 64, UINT16_MAX}}};
   size = encode_status(status, bytes.data(), kMaxStatus_bytes);
   assert_true(size.ok());
-  assert_int_equal(size.value(), 387);
+  assert_int_equal(size.value(), 398);
   ResendRequest request{};
   request.range_count = kMaxResendRanges;
   for (std::uint32_t i = 0; i < kMaxResendRanges; ++i) {
