@@ -1,4 +1,5 @@
 // What a vehicle says on its link and when: batches of cells, hellos, statuses, texts.
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -20,9 +21,12 @@ using leadline::test::configure_rig;
 using leadline::test::drain;
 using leadline::test::fly;
 using leadline::test::RecordedCycle;
+using leadline::test::rig_bottom_m;
 using leadline::test::rig_config;
 using leadline::test::RigOptions;
 using leadline::test::RigReceiver;
+
+constexpr double kPi = 3.14159265358979323846;
 
 Vehicle vehicle;
 
@@ -171,6 +175,51 @@ TEST(statuses_take_a_sixteenth_of_a_slow_link_at_most) {
     }
   }
   assert_true(bytes > 2000 && bytes < 2700);  // 400 s * 100 / 16
+}
+
+TEST(a_brief_says_where_the_beam_points_until_nothing_is_mapped) {
+  configure_rig(vehicle, rig_config());
+  Listener listener;
+  RigOptions options;
+  options.roll_deg = 20.0;
+  options.echo_until_s = 30.0;
+  fly(vehicle, options, [&](const RecordedCycle& cycle, const CycleOutput& output) {
+    listener.take(cycle.t_us, output);
+  });
+  int to_port = 0;
+  int to_starboard = 0;
+  for (const auto& heard : listener.of(MessageType::kBrief)) {
+    const auto brief = leadline::proto::decode_brief(heard.payload.data(), heard.payload.size());
+    assert_true(brief.ok());
+    const double t_s = 1e-6 * static_cast<double>(heard.t_us);
+    const leadline::proto::Swath& swath = brief.value().swath;
+    if (t_s > 33.0) {
+      assert_int_equal(swath.beam_count, 0);
+    }
+    if (swath.beam_count == 0) {
+      assert_true(t_s < 3.0 || t_s > 30.0);
+      continue;
+    }
+    // A single beam; it ends at the bottom, within a step of its angles and of its range.
+    assert_int_equal(swath.beam_count, 1);
+    const leadline::proto::BeamOfNow& beam = swath.beams[0];
+    const double depression = beam.depression_bam8 * 2.0 * kPi / 256.0;
+    const double azimuth = beam.azimuth_bam8 * 2.0 * kPi / 256.0;
+    const double out_m = 0.1 * beam.range_dm * std::cos(depression);
+    const double down_m =
+        0.01 * brief.value().position_cm[2] + 0.1 * beam.range_dm * std::sin(depression);
+    const double north_m = 0.01 * brief.value().position_cm[0] + out_m * std::cos(azimuth);
+    const double east_m = 0.01 * brief.value().position_cm[1] + out_m * std::sin(azimuth);
+    assert_true(std::fabs(down_m - rig_bottom_m(north_m, east_m)) < 2.5);
+    // Starboard down turns a beam that looks down to port.
+    const double roll = std::sin(2.0 * kPi * t_s / 5.0);
+    if (std::fabs(roll) > 0.7) {
+      const double heading = 10.0 * kPi / 180.0;
+      assert_true(std::sin(azimuth - heading) * roll < 0.0);
+      ++(roll > 0.0 ? to_port : to_starboard);
+    }
+  }
+  assert_true(to_port > 3 && to_starboard > 3);
 }
 
 TEST(leaving_the_grid_at_every_turn_is_said_once) {
