@@ -109,7 +109,7 @@ void set_edges(Frustum& frustum) {
       base::quotient_u32(static_cast<std::uint64_t>(cone.growth_q20) << 20U, root_q20));
   const std::int32_t down_q20 = (cone.down_q30 < 0 ? -cone.down_q30 : cone.down_q30) >> 10;
   const auto room_q10 = static_cast<std::int32_t>(
-      kMargin_q10 + 2 * down_q20 / tan_q20 +
+      static_cast<std::uint32_t>(kMargin_q10 + 2 * down_q20 / tan_q20) +
       base::quotient_u32(static_cast<std::uint64_t>(cone.horizontal_q30 >> 10) * kTouch_q10,
                          root_q20));
   const std::int32_t hn = cone.heading_north_q20;
