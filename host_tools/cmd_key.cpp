@@ -10,6 +10,14 @@ namespace leadline::host {
 void add_key_command(CLI::App* app, CommandRun* run) {
   CLI::App* const key = app->add_subcommand("key", "The key that a vehicle's commands need");
   key->require_subcommand(1);
+  key->footer(
+      "The file goes to the vehicle as it is ([commands] key in vehicle.toml) and stays here for "
+      "`leadline command`, "
+      "at\n"
+      "both ends with mode 0600. Whoever has it commands the vehicle.\n\n"
+      "Examples:\n"
+      "  leadline key new command.key --vehicle 1\n"
+      "  leadline key advance command.key --by 1000");
   const auto options = std::make_shared<KeyOptions>();
   CLI::App* const make = key->add_subcommand("new", "Make one, and say what to copy where");
   make->add_option("file", options->path, "File to write, for its owner alone")

@@ -38,8 +38,8 @@ class CommandLine(Case):
         listed = self.run_leadline("--help").stdout.split("Subcommands:")[1]
         names = re.findall(r"^  ([a-z]+) ", listed.split("\n\n")[0], re.MULTILINE)
         self.assertEqual(sorted(names), [
-            "calibrate", "compare", "config", "crosslines", "decode", "emulate", "export", "grid", "import",
-            "map", "monitor", "probe", "query", "receive", "render", "replay", "scene", "simulate", "store",
+            "calibrate", "command", "compare", "config", "crosslines", "decode", "emulate", "export", "grid", "import",
+            "key", "map", "monitor", "probe", "query", "receive", "render", "replay", "scene", "simulate", "store",
             "survey", "table"])
         for name in names:
             done = self.expect(self.run_leadline(name, "--help"), OK)

@@ -357,6 +357,7 @@ TEST(the_example_is_good_and_shows_every_key) {
   same.config.cycle_voxel_budget = file.config.cycle_voxel_budget;
   same.ranges.detect_range_mm = file.ranges.detect_range_mm;
   same.store = file.store;
+  same.commands = file.commands;
   assert_string_equal(vehicle_file_to_toml(same).c_str(), vehicle_file_to_toml(file).c_str());
   // And nothing is missing: what is not in the example is named by nobody.
   const std::string resolved = vehicle_file_to_toml(complete);
