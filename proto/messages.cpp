@@ -160,7 +160,11 @@ bool swath_in_range(const Swath& swath) {
   return good;
 }
 
+/// Nothing where there is none: what stands still costs nothing.
 void put_swath(ByteWriter& fields, const Swath& swath) {
+  if (swath.beam_count == 0) {
+    return;
+  }
   fields.u8(swath.beam_count);
   for (std::size_t i = 0; i < swath.beam_count; ++i) {
     fields.u8(swath.beams[i].azimuth_bam8);
@@ -169,7 +173,7 @@ void put_swath(ByteWriter& fields, const Swath& swath) {
   }
 }
 
-/// A message of minor 0 ends where the swath would begin.
+/// A message without a swath, and one of minor 0, ends where it would begin.
 base::Status take_swath(ByteReader& fields, Swath& swath) {
   if (fields.status() != base::Status::kOk || fields.left_bytes() == 0) {
     return fields.status();

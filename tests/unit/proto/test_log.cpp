@@ -237,10 +237,10 @@ Bytes golden_log() {
       hello.schema_hash = kGoldenSchemaHash;
       size = encode_hello(hello, payload.data(), payload.size()).value();
     } else if (cycle == 1) {
-      // One of minor 0 ends before the swath.
+      // Minor 0 knew no swath.
       Status status = sample_status();
       status.swath = Swath{};
-      size = encode_status(status, payload.data(), payload.size()).value() - 1;
+      size = encode_status(status, payload.data(), payload.size()).value();
     } else {
       const auto cells = leadline::test::sample_tile();
       TileUpdate update{7, 300, cells.data(), leadline::test::all_cells()};
