@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Measures which lines of the vehicle's folders their own tests run (unit tests and properties; what
-# programs and scripts run besides does not count), and fails where a folder is below the bound.
+# Runs the unit tests and properties of the vehicle's folders under ASan and UBSan, and measures which lines of
+# these folders they run (what programs and scripts run besides does not count). Fails where a test does or a folder
+# is below the bound.
 #
 # usage: toolchain/coverage.sh [--min PERCENT] [--label REGEX]
 #   --min PERCENT   lines of each folder that must run (default 95)

@@ -5,7 +5,7 @@
 #        toolchain/test.sh --target aarch64|armhf|cortex-m7
 #   fast   release build, fast tests; under 5 minutes on 2 cores (default)
 #   ci     and: tests labelled ci, benches compile, format, clang-tidy and lone headers, vehicle code under
-#          the sanitizers, its coverage (at least 95 % of lines), 80 s for all fuzz targets; under 30
+#          the sanitizers with its coverage (at least 95 % of lines), 80 s for all fuzz targets; under 30
 #          minutes
 #   full   and: tests labelled full, debug build, all tests under the sanitizers, fuzz targets 60 s each,
 #          demo; hours
@@ -106,16 +106,11 @@ step "format" "$root/toolchain/format.sh" --check || true
 step "unfinished marks" unfinished_marks || true
 step "clang-tidy and lone headers" "$root/toolchain/tidy.sh" || true
 
+# What parses on the host runs under the sanitizers in the fuzz targets.
+step "vehicle code: sanitizers, coverage" "$root/toolchain/coverage.sh" || true
 if [ "$tier" = full ]; then
   step "build asan" configure_and_build asan || finish
   step "tests, asan" run_ctest asan -LE '^full$' || true
-else
-  # What parses on the host runs under the sanitizers in the fuzz targets.
-  step "build asan" configure_and_build asan vehicle_tests || finish
-  step "tests, asan" run_ctest asan -L '^fast$' -R "$vehicle_tests_regex" || true
-fi
-step "coverage of vehicle code" "$root/toolchain/coverage.sh" || true
-if [ "$tier" = full ]; then
   step "build debug" configure_and_build debug || finish
   step "tests, debug" run_ctest debug -L '^fast$' || true
   step "fuzz" "$root/toolchain/fuzz.sh" --seconds 60 || true
