@@ -21,6 +21,9 @@ constexpr std::uint32_t kFramesPerHasty = 12;
 constexpr std::uint32_t kFirstLoss_q16 = 19'661;
 // The estimate follows the last 16 frames.
 constexpr unsigned kLossMemory_log2 = 4;
+// Numbers begin shortly before they wrap, so that no vehicle is the first to see it, after months.
+constexpr std::uint32_t kFirstNumber = 0U - 2 * LinkLedger::kFrames;
+constexpr std::uint32_t kFirstTile = 0U - LinkLedger::kFrameTiles;
 
 }  // namespace
 
@@ -28,7 +31,8 @@ void LinkLedger::reset() {
   for (Frame& each : frames_) {
     each = Frame{};
   }
-  first_ = end_ = tiles_end_ = newest_confirmed_ = 0;
+  first_ = end_ = newest_confirmed_ = kFirstNumber;
+  tiles_end_ = kFirstTile;
   under_way_ = 0;
   telling_count_ = 0;
   given_up_ = 0;

@@ -1,0 +1,389 @@
+// The vehicle's link and the topside's receiver over a bad line when one of them starts over, its clock steps, or
+// a counter wraps; and what goes first where the line is slow. Simulated time.
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "host_tools/sim/random.hpp"
+#include "host_tools/topside/receiver.hpp"
+#include "tests/support/test.hpp"
+#include "tests/support/vehicle_rig.hpp"
+
+namespace {
+
+using leadline::base::TimeUs;
+using leadline::firmware::CycleOutput;
+using leadline::firmware::InputChunk;
+using leadline::firmware::Vehicle;
+using leadline::firmware::VehicleConfig;
+using leadline::host::Random;
+using leadline::host::Receiver;
+using leadline::proto::MessageType;
+using leadline::test::Recording;
+using Bytes = std::vector<std::uint8_t>;
+
+constexpr TimeUs kCycle_us = 20'000;
+constexpr TimeUs kSecond_us = 1'000'000;
+constexpr TimeUs kHour_us = 3600 * kSecond_us;
+
+Vehicle vehicle;
+
+VehicleConfig slow_config(std::uint32_t rate_bytes_s, std::uint32_t session = 7) {
+  VehicleConfig config = leadline::test::rig_config();
+  config.link.rate_bytes_s = rate_bytes_s;
+  config.link.mtu_bytes = 256;
+  config.session = session;
+  return config;
+}
+
+const Recording& flight() {
+  static const Recording recording = [] {
+    leadline::test::configure_rig(vehicle, leadline::test::rig_config());
+    leadline::test::RigOptions options;
+    options.seconds = 50;
+    options.speed_m_s = 3.0;
+    return leadline::test::fly(vehicle, options);
+  }();
+  return recording;
+}
+
+/// One way: loses 30 %, puts 5 % behind the next, doubles 5 %. What is sent arrives a cycle later.
+class Way {
+ public:
+  explicit Way(std::uint64_t seed, bool bad) : random_(seed), bad_(bad) {}
+  void send(Bytes frame) {
+    const bool lost = random_.uniform() < 0.30;
+    const bool late = random_.uniform() < 0.05;
+    const bool twice = random_.uniform() < 0.05;
+    if (bad_ && lost) {
+      return;
+    }
+    if (bad_ && twice) {
+      on_it_.push_back(frame);
+    }
+    on_it_.push_back(std::move(frame));
+    if (bad_ && late_) {
+      std::swap(on_it_.back(), on_it_[on_it_.size() > 1 ? on_it_.size() - 2 : 0]);
+    }
+    late_ = late;
+  }
+  std::vector<Bytes> receive() { return std::exchange(on_it_, {}); }
+
+ private:
+  Random random_;
+  bool bad_;
+  bool late_ = false;
+  std::vector<Bytes> on_it_;
+};
+
+/// Both ends, each with a clock of its own.
+class Tether {
+ public:
+  explicit Tether(std::uint64_t seed, bool bad = true)
+      : receiver(std::make_unique<Receiver>()), down_(seed, bad), up_(seed + 1000, bad) {}
+
+  /// One cycle of the vehicle, with the devices' words if there are any.
+  void step(const leadline::test::RecordedCycle* recorded = nullptr, TimeUs shift_us = 0) {
+    real_us += kCycle_us;
+    for (const Bytes& frame : down_.receive()) {
+      receiver->feed(frame.data(), frame.size());
+    }
+    const std::vector<Bytes> arrived = up_.receive();
+    for (Bytes frame = receiver->uplink(real_us + topside_ahead_us); !frame.empty();
+         frame = receiver->uplink(real_us + topside_ahead_us)) {
+      up_.send(frame);
+    }
+    vehicle_us = recorded != nullptr ? recorded->t_us + shift_us : vehicle_us + kCycle_us;
+    std::vector<InputChunk> chunks;
+    if (recorded != nullptr) {
+      for (const auto& chunk : recorded->chunks) {
+        chunks.push_back({chunk.t_arrival_us + shift_us, chunk.bytes.data(),
+                          static_cast<std::uint16_t>(chunk.bytes.size()), chunk.port});
+      }
+    }
+    for (const Bytes& frame : arrived) {
+      chunks.push_back({vehicle_us, frame.data(), static_cast<std::uint16_t>(frame.size()),
+                        leadline::firmware::kUplinkPort});
+    }
+    CycleOutput output{};
+    vehicle.cycle({vehicle_us, chunks.data(), chunks.size(), 100'000}, output);
+    for (std::size_t i = 0, begin = 0; i < output.downlink.size_bytes; ++i) {
+      if (i > begin + 1 && output.downlink.data[i] == leadline::proto::kDelimiter) {
+        sent.emplace_back(output.downlink.data + begin, output.downlink.data + i + 1);
+        down_.send(sent.back());
+        begin = i + 1;
+      }
+    }
+  }
+  void fly(const Recording& recording, TimeUs shift_us = 0) {
+    for (const auto& cycle : recording) {
+      step(&cycle, shift_us);
+    }
+  }
+  [[nodiscard]] bool equal() const {
+    return receiver->store() != nullptr && vehicle.drained() &&
+           receiver->store()->cells_hash() == vehicle.cells_hash();
+  }
+  /// Seconds until both hold one map; fails after `most_s`.
+  double settle(double most_s) {
+    const TimeUs begin_us = real_us;
+    while (!equal()) {
+      assert_true(1e-6 * static_cast<double>(real_us - begin_us) < most_s);
+      for (int i = 0; i < 10; ++i) {  // hashes cost more than cycles
+        step();
+      }
+    }
+    return 1e-6 * static_cast<double>(real_us - begin_us);
+  }
+
+  std::unique_ptr<Receiver> receiver;
+  TimeUs real_us = 0;
+  TimeUs vehicle_us = 0;
+  TimeUs topside_ahead_us = 0;
+  std::vector<Bytes> sent;  ///< frames of the vehicle
+
+ private:
+  Way down_;
+  Way up_;
+};
+
+/// A vehicle that flew, with nobody at the link.
+TimeUs flown(std::uint32_t rate_bytes_s, std::uint32_t session = 7) {
+  const Recording& recording = flight();
+  leadline::test::configure_rig(vehicle, slow_config(rate_bytes_s, session));
+  leadline::test::run_recording(vehicle, recording);
+  return recording.back().t_us;
+}
+
+/// In the middle of the transfer: some tiles came, others did not.
+void half_way(Tether* tether) {
+  vehicle.restart_link();
+  while (tether->receiver->counters().deltas < 6) {
+    tether->step();
+    assert_true(tether->real_us < kHour_us);
+  }
+  assert_true(!tether->equal());
+}
+
+TEST(a_vehicle_that_starts_over_in_mid_transfer_begins_a_new_map) {
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    Tether tether(seed);
+    tether.vehicle_us = flown(200);
+    half_way(&tether);
+    int replaced = 0;
+    tether.receiver->on_replaced = [&replaced](const auto&) { ++replaced; };
+    tether.vehicle_us = flown(200, 8);
+    tether.settle(300);
+    assert_int_equal(tether.receiver->store()->hello().session, 8);
+    assert_int_equal(replaced, 1);
+  }
+}
+
+TEST(a_clock_of_either_end_that_steps_costs_time_and_no_cell) {
+  for (const TimeUs step_us : {kSecond_us, -kSecond_us, kHour_us, -kHour_us}) {
+    for (const bool of_vehicle : {true, false}) {
+      Tether tether(static_cast<std::uint64_t>(step_us + 2 * kHour_us));
+      tether.real_us = 2 * kHour_us;
+      static_cast<void>(flown(200));
+      tether.vehicle_us = 2 * kHour_us;
+      vehicle.restart_link();
+      const TimeUs begin_us = tether.real_us;
+      while (tether.receiver->counters().deltas < 6) {
+        tether.step();
+        assert_true(tether.real_us - begin_us < kHour_us);
+      }
+      assert_true(!tether.equal());
+      const auto clamped = vehicle.counters().cycle_time_clamped;
+      (of_vehicle ? tether.vehicle_us : tether.topside_ahead_us) += step_us;
+      // A clock that went back stands still until it is where it was; meanwhile nothing is sent.
+      const double back_s = step_us < 0 ? 1e-6 * static_cast<double>(-step_us) : 0.0;
+      const double took_s = tether.settle(300.0 + back_s);
+      std::printf("%s %+.0f s: equal after %.1f s\n", of_vehicle ? "vehicle" : "topside",
+                  1e-6 * static_cast<double>(step_us), took_s);
+      assert_true((vehicle.counters().cycle_time_clamped > clamped) == (of_vehicle && step_us < 0));
+    }
+  }
+}
+
+// t_ms of the brief wraps after 49 days; the ages of tiles after 4.4 years; both while the map grows.
+TEST(times_that_wrap_in_a_flight_change_no_cell) {
+  std::uint64_t hash = 0;
+  for (const TimeUs wrap_us :
+       {TimeUs{0}, (TimeUs{1} << 32) * 1000, TimeUs{1} << 47, (TimeUs{1} << 47) * 3}) {
+    Tether tether(5);
+    leadline::test::configure_rig(vehicle, slow_config(960));
+    const Recording& recording = flight();
+    const TimeUs shift_us = wrap_us == 0 ? 0 : wrap_us - recording.back().t_us / 2;
+    tether.fly(recording, shift_us);
+    assert_true(wrap_us == 0 || (recording.front().t_us + shift_us < wrap_us &&
+                                 recording.back().t_us + shift_us > wrap_us));
+    tether.settle(120);
+    assert_true(tether.receiver->counters().deltas > 50);
+    hash = hash == 0 ? vehicle.map_hash() : hash;
+    assert_true(vehicle.map_hash() == hash);
+  }
+}
+
+// Epochs of tiles count modulo 256; the ledger's frames and tiles go round many times.
+TEST(a_link_that_is_restarted_300_times_still_converges) {
+  Tether tether(9);
+  tether.vehicle_us = flown(4000);
+  for (int k = 0; k < 300; ++k) {
+    vehicle.restart_link();
+    for (int i = 0; i < 10; ++i) {
+      tether.step();
+    }
+  }
+  assert_true(tether.sent.size() > 4 * leadline::firmware::LinkLedger::kFrames);
+  tether.receiver = std::make_unique<Receiver>();
+  vehicle.restart_link();
+  tether.settle(120);
+}
+
+TEST(generations_that_wrap_are_newer_than_those_before) {
+  Tether tether(11, false);
+  tether.vehicle_us = flown(4000);
+  vehicle.restart_link();
+  tether.settle(60);
+  leadline::host::TileStore store(tether.receiver->store()->hello());
+  std::int32_t depth_q8 = 1024;
+  for (const std::uint32_t generation : {UINT32_MAX - 1, UINT32_MAX, 0U, 1U}) {
+    leadline::proto::TileDelta delta{};
+    delta.tile = 3;
+    delta.generation = generation;
+    delta.changed.set(5);
+    delta.cell_count = 1;
+    depth_q8 += 256;
+    delta.cells[5] = leadline::proto::code_cell(depth_q8, 1024, 0);
+    static_cast<void>(store.apply(delta));
+    assert_int_equal(store.tile(3)->cells[5], delta.cells[5]);
+    assert_int_equal(store.tile(3)->generation, generation);
+    // One from before, late: it changes nothing.
+    leadline::proto::TileDelta late = delta;
+    late.generation = generation - 1;
+    late.cells[5] = leadline::proto::code_cell(512, 1024, 0);
+    static_cast<void>(store.apply(late));
+    assert_int_equal(store.tile(3)->cells[5], delta.cells[5]);
+    assert_int_equal(store.tile(3)->generation, generation);
+  }
+}
+
+TEST(an_uplink_of_unknown_type_or_without_sense_is_counted) {
+  const TimeUs t_us = flown(4000);
+  const Bytes payloads[] = {{0x7F}, {0x3F, 1, 2}, {0x42}, {0x44, 0, 0, 0, 0}};
+  for (const Bytes& payload : payloads) {
+    std::uint8_t frame[32];
+    const auto size =
+        leadline::proto::encode_frame(payload.data(), payload.size(), frame, sizeof frame);
+    const InputChunk chunk{t_us, frame, static_cast<std::uint16_t>(size.value()),
+                           leadline::firmware::kUplinkPort};
+    const auto before = vehicle.counters();
+    CycleOutput output{};
+    vehicle.cycle({t_us, &chunk, 1, 100'000}, output);
+    assert_int_equal(vehicle.counters().uplink_rejected, before.uplink_rejected + 1);
+    assert_int_equal(vehicle.counters().uplink_frames, before.uplink_frames + 1);
+  }
+}
+
+/// When each tile came first, seconds since the vehicle owed all.
+std::map<std::uint32_t, double> arrivals(std::uint32_t look_tile, std::uint8_t radius_tiles,
+                                         Tether* tether) {
+  std::map<std::uint32_t, double> came_s;
+  vehicle.restart_link();
+  // The hello first, and the topside's word of where it looks.
+  while (tether->receiver->store() == nullptr) {
+    tether->step();
+    assert_true(tether->real_us < 600 * kSecond_us);
+  }
+  tether->receiver->look(look_tile, radius_tiles);
+  for (int i = 0; i < 50; ++i) {
+    tether->step();
+  }
+  const TimeUs begin_us = tether->real_us;
+  vehicle.restart_link();
+  const std::uint64_t seen = tether->receiver->store()->sequence();
+  while (!tether->equal()) {
+    assert_true(tether->real_us - begin_us < kHour_us);
+    tether->step();
+    for (const std::uint32_t tile : tether->receiver->store()->changed_since(seen)) {
+      came_s.emplace(tile, 1e-6 * static_cast<double>(tether->real_us - begin_us));
+    }
+  }
+  return came_s;
+}
+
+double mean_within(const std::map<std::uint32_t, double>& came_s, std::int32_t row,
+                   std::int32_t column, std::int32_t radius_tiles) {
+  double sum_s = 0.0;
+  int count = 0;
+  for (const auto& [tile, at_s] : came_s) {
+    const std::int32_t rows = std::abs(static_cast<std::int32_t>(tile) / 6 - row);
+    const std::int32_t columns = std::abs(static_cast<std::int32_t>(tile) % 6 - column);
+    if (std::max(rows, columns) <= radius_tiles) {
+      sum_s += at_s;
+      ++count;
+    }
+  }
+  assert_true(count >= 2);
+  return sum_s / count;
+}
+
+TEST(tiles_that_are_looked_at_come_first_where_the_line_is_slow) {
+  Tether plain(1, false);
+  plain.vehicle_us = flown(60);
+  const auto without = arrivals(0, 0, &plain);
+  assert_true(without.size() >= 10);
+  // The one that came last, and its neighbours.
+  const auto last = std::max_element(without.begin(), without.end(), [](auto& a, auto& b) {
+                      return a.second < b.second;
+                    })->first;
+  const auto last_row = static_cast<std::int32_t>(last) / 6;
+  const auto last_column = static_cast<std::int32_t>(last) % 6;
+  Tether looking(1, false);
+  looking.vehicle_us = flown(60);
+  const auto with = arrivals(last, 1, &looking);
+  const double looked_s = mean_within(with, last_row, last_column, 1);
+  const double before_s = mean_within(without, last_row, last_column, 1);
+  std::printf("looked at: after %.1f s, else %.1f s\n", looked_s, before_s);
+  assert_true(looked_s < 0.8 * before_s);
+}
+
+TEST(statuses_go_before_tiles_and_none_waits_for_them) {
+  Tether tether(1, false);
+  tether.vehicle_us = flown(60);
+  vehicle.restart_link();
+  tether.sent.clear();
+  std::vector<TimeUs> said_us;
+  std::size_t seen = 0;
+  std::size_t longest = 0;
+  int deltas = 0;
+  while (!tether.equal()) {
+    tether.step();
+    assert_true(tether.real_us < kHour_us);
+    bool delta_first = false;
+    for (; seen < tether.sent.size(); ++seen) {
+      const auto type = static_cast<MessageType>(tether.sent[seen][2]);
+      if (type == MessageType::kTileDelta) {
+        delta_first = true;
+        ++deltas;
+      } else if (type == MessageType::kStatus || type == MessageType::kBrief) {
+        assert_true(!delta_first);
+        longest = std::max(longest, tether.sent[seen].size());
+        said_us.push_back(tether.real_us);
+      }
+    }
+  }
+  std::printf("%d frames of cells, %zu statuses\n", deltas, said_us.size());
+  assert_true(deltas >= 5 && said_us.size() >= 3);
+  // Their share of the line (a sixteenth), and what the frames under way need.
+  const double most_s = (16.0 * static_cast<double>(longest) + 2.0 * 256.0) / 60.0;
+  for (std::size_t i = 1; i < said_us.size(); ++i) {
+    assert_true(1e-6 * static_cast<double>(said_us[i] - said_us[i - 1]) <= most_s);
+  }
+}
+
+}  // namespace
