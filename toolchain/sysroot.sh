@@ -15,7 +15,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 packages=(
   libc6-dev libstdc++-12-dev
-  libgpiod-dev libmodbus-dev libsystemd-dev libtomlplusplus-dev libcmocka-dev libeigen3-dev libcli11-dev
+  libgpiod-dev libmodbus-dev libsodium-dev libsystemd-dev libtomlplusplus-dev libcmocka-dev libeigen3-dev libcli11-dev
 )
 
 arch=
