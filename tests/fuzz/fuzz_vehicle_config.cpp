@@ -57,7 +57,9 @@ void check(const VehicleFile& file) {
   const VehicleConfig& config = file.config;
   require(config.mount_count >= 1 && config.mount_count <= leadline::firmware::kMaxMounts,
           "mounts");
-  require(config.table_count == 1 && file.table_paths.size() == 1, "one table");
+  require(config.table_count >= 1 && config.table_count <= leadline::firmware::kMaxTables &&
+              file.table_paths.size() == config.table_count,
+          "a path for each table");
   check_ports(file);
   leadline::model::ModelConfig model = config.model;
   model.work_budget_voxels = 0;
