@@ -318,7 +318,7 @@ void read_ports(TomlReader* reader, VehicleFile* file) {
     const std::uint8_t mount = port.config.mount;
     if (firmware::is_head(port.config.driver) && mount < file->mount_names.size() &&
         file->config.mounts[mount].table == firmware::kNoTable) {
-      section.find_missing("its mount \"" + file->mount_names[mount] +
+      section.find_missing("its mount \"" + printable(file->mount_names[mount]) +
                            "\" has no table: the beam, made by `leadline table`");
     }
     file->config.ports[file->port_uris.size()] = port.config;

@@ -1,5 +1,6 @@
 """A flight whose link loses 30 %, reorders 5 % and doubles 5 % of the datagrams, both ways, between the real programs:
-in the end the topside has the vehicle's map, cell by cell."""
+in the end the topside has the vehicle's map, cell by cell. Not in CI: once in five to ten flights the last few tiles take
+longer than the half minute that the vehicle has for them."""
 
 import json
 import pathlib
