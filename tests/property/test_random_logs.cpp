@@ -319,8 +319,16 @@ class Flight {
 
   void fly() {
     const auto cycle_us = random_.between(5'000, 60'000);
-    // A camera says more in one second than the others together in ten.
-    const TimeUs end_us = random_.between(2'000'000, 6'000'000) / (has(Driver::kWl3d) ? 4 : 1);
+    // A camera says more in one second than the others together in ten, a survey multibeam in two; a Tritech head
+    // centres itself for four seconds before it pings.
+    TimeUs end_us = random_.between(2'000'000, 6'000'000);
+    if (has(Driver::kWl3d)) {
+      end_us /= 6;
+    } else if (has(Driver::kTritech)) {
+      end_us += 4'000'000;
+    } else if (has(Driver::kR2sonic)) {
+      end_us /= 2;
+    }
     while (now_us_ < end_us) {
       now_us_ += chance(random_, 99) ? cycle_us : random_.between(0, 400'000);
       cycle();
