@@ -12,7 +12,10 @@ namespace {
 constexpr double kRadians = 3.14159265358979323846 / 180.0;
 constexpr std::uint8_t kSid = 7;
 
-std::int64_t units(double value, double unit) { return std::llround(value / unit); }
+// Not llround(): newlib's (3.3, 32 bits) loses bits of values beyond 2^52.
+std::int64_t units(double value, double unit) {
+  return static_cast<std::int64_t>(std::round(value / unit));
+}
 
 std::uint64_t unsigned_units(double value, double unit) {
   return static_cast<std::uint64_t>(units(value, unit));

@@ -36,22 +36,35 @@ extern "C" {
 // Of sections.ld: addresses, not objects.
 extern char leadline_data_end;
 extern char leadline_ram_end;
+extern char leadline_bss_end;
+extern char leadline_psram_end;
 
 void initialise_monitor_handles();
 void* __dso_handle = nullptr;
 void _init() {}
 void _fini() {}
 
-// The C library's heap: what the board's first RAM has left.
+// The C library's heap: what the board's first RAM has left, then what the second has: malloc goes on where an area
+// follows at a higher address.
 void* _sbrk(std::ptrdiff_t size) {
   static char* top = &leadline_data_end;
-  if (size > &leadline_ram_end - top) {
+  static char* end = &leadline_ram_end;
+  if (size > end - top && end == &leadline_ram_end) {
+    top = &leadline_bss_end;
+    end = &leadline_psram_end;
+  }
+  if (size > end - top) {
     errno = ENOMEM;
     return reinterpret_cast<void*>(-1);
   }
   char* const begin = top;
   top += size;
   return begin;
+}
+
+// The C library's own reports nothing but that something went wrong.
+[[noreturn]] void _exit(int status) {
+  leadline::hal::m7::exit(static_cast<std::uint32_t>(status));
 }
 
 void leadline_main() {

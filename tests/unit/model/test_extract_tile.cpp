@@ -98,7 +98,7 @@ TEST(a_tile_has_the_results_of_a_whole_extraction_at_any_time) {
 }
 
 TEST(the_touched_tiles_and_their_surroundings_are_all_that_has_to_be_asked_for) {
-  ModelConfig config = plain_config(170, 170, 40);
+  ModelConfig config = plain_config(170, 170, 32);
   configure(config);
   Random random(32);
   std::vector<bool> due(tiles.grid().tile_count());
