@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "model/capacity.hpp"
+
 namespace leadline::test {
 namespace {
 
@@ -125,6 +127,19 @@ ModelConfig plain_config(std::int32_t north, std::int32_t east, std::int32_t dow
   config.max_range_um = 500'000'000;
   config.detect_range_um = 100'000'000;
   return config;
+}
+
+std::int32_t widest_side_cells() {
+  std::uint32_t tiles = 1;
+  while ((tiles + 1) * (tiles + 1) <= model::kTileCapacity) {
+    ++tiles;
+  }
+  return static_cast<std::int32_t>(tiles) * model::kTileCells;
+}
+
+std::int32_t deepest_cells(std::int32_t north, std::int32_t east) {
+  return static_cast<std::int32_t>(model::kVoxelCapacity /
+                                   static_cast<std::uint32_t>(north * east));
 }
 
 base::Bam32 bam(double degrees) {

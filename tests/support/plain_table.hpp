@@ -28,6 +28,11 @@ struct PlainBeam {
 [[nodiscard]] model::ModelConfig plain_config(std::int32_t north, std::int32_t east,
                                               std::int32_t down);
 
+/// Side of the largest square of whole tiles, and the most cells of depth that north x east cells of whole
+/// tiles have voxels for: what a target has memory for differs.
+[[nodiscard]] std::int32_t widest_side_cells();
+[[nodiscard]] std::int32_t deepest_cells(std::int32_t north, std::int32_t east);
+
 /// Binary angle of `degrees`, rounded, any finite number of turns.
 [[nodiscard]] base::Bam32 bam(double degrees);
 

@@ -18,7 +18,8 @@ foreach(type INT32 INT_LEAST32)
   string(APPEND leadline_m7 " -U__${unsigned_type}_MAX__ -D__${unsigned_type}_MAX__=4294967295U")
 endforeach()
 set(CMAKE_C_FLAGS_INIT "${leadline_m7} -ffunction-sections -fdata-sections")
-set(CMAKE_CXX_FLAGS_INIT "${leadline_m7} -ffunction-sections -fdata-sections")
+# -Wno-psabi: GCC's remark that a convention changed in its version 7 is about mixing objects with older ones.
+set(CMAKE_CXX_FLAGS_INIT "${leadline_m7} -ffunction-sections -fdata-sections -Wno-psabi")
 
 set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
 set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)

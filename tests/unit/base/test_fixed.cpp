@@ -1,4 +1,4 @@
-// Fixed-point arithmetic against double and 128-bit arithmetic, over whole domains where they fit.
+// Fixed-point arithmetic against double and 64-bit arithmetic, over whole domains where they fit.
 #include <algorithm>
 #include <limits>
 
@@ -115,17 +115,11 @@ TEST(sqrt_u64_is_within_its_stated_error) {
   }
 }
 
-/// numerator * 2^shift / denominator, truncated, saturated: by 128-bit division.
+/// numerator * 2^shift / denominator, truncated, saturated, where the dividend fits 64 bits.
 std::int32_t reference_ratio(std::int64_t numerator, std::int64_t denominator, int shift) {
-  const bool negative = numerator < 0;
-  __extension__ using Wide = unsigned __int128;
-  const auto magnitude = static_cast<Wide>(negative ? -static_cast<long double>(numerator)
-                                                    : static_cast<long double>(numerator));
-  const Wide quotient =
-      (magnitude << static_cast<unsigned>(shift)) / static_cast<Wide>(denominator);
-  const Wide limit = 0x7FFFFFFF;
-  const auto result = static_cast<std::int32_t>(quotient > limit ? limit : quotient);
-  return negative ? -result : result;
+  const std::int64_t quotient = numerator * (std::int64_t{1} << shift) / denominator;
+  const std::int64_t limit = std::numeric_limits<std::int32_t>::max();
+  return static_cast<std::int32_t>(clamp(quotient, -limit, limit));
 }
 
 TEST(ratio_of_small_operands_is_exact) {

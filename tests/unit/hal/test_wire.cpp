@@ -1,12 +1,17 @@
+#include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <limits>
 
 #include "hal/wire.hpp"
 #include "tests/support/test.hpp"
+#include "tests/support/wide_integer.hpp"
 
 namespace {
 
 using namespace leadline::hal;  // NOLINT: the file tests one header
+using leadline::test::wide;
+using leadline::test::WideInteger;
 
 constexpr std::uint8_t kBytes[] = {0x01, 0x82, 0x03, 0x84, 0x05, 0x86, 0x07, 0x88};
 
@@ -14,6 +19,27 @@ std::uint32_t bits_of(float value) {
   std::uint32_t bits = 0;
   std::memcpy(&bits, &value, sizeof bits);
   return bits;
+}
+
+/// number * scale to the nearest integer, halves away from zero, exact; limited to +-limit (below 2^63).
+std::int64_t product(double number, std::int64_t scale, std::int64_t limit) {
+  int exponent = 0;
+  const double fraction = std::frexp(std::fabs(number), &exponent);
+  // The size is whole * 2^(exponent - 53).
+  const WideInteger whole = wide(static_cast<std::uint64_t>(std::ldexp(fraction, 53))) *
+                            wide(static_cast<std::uint64_t>(scale));
+  const int down = 53 - exponent;
+  WideInteger size;
+  if (down > 0) {
+    size = (whole + (wide(1) << (down - 1))) >> down;
+  } else if (-down < 64 && whole < (wide(1) << (127 + down))) {
+    size = whole << -down;
+  } else {
+    size = whole == wide(0) ? whole : wide(UINT64_MAX);
+  }
+  const std::int64_t result =
+      wide(static_cast<std::uint64_t>(limit)) < size ? limit : static_cast<std::int64_t>(size.low);
+  return number < 0 ? -result : result;
 }
 
 }  // namespace
@@ -85,23 +111,22 @@ TEST(floats_that_are_no_integer) {
   assert_int_equal(value, 77);
 }
 
-TEST(floats_against_long_double) {
+TEST(floats_against_wide_integers) {
   leadline::test::Random random(1);
+  constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
   int taken = 0;
   for (int i = 0; i < 200'000; ++i) {
     const auto bits = static_cast<std::uint32_t>(random.next());
     const std::int64_t scale = random.between(1, 1'000'000'000);
     float number = 0;
     std::memcpy(&number, &bits, sizeof number);
-    // 24 bits times 30: exact in 64 bits of mantissa.
-    const long double exact = static_cast<long double>(number) * static_cast<long double>(scale);
     std::int64_t value = 0;
     if (!f32_bits_to_integer(bits, scale, value)) {
-      assert_false(std::fabs(exact) < 9223372036854775807.0L);
+      assert_true(!std::isfinite(number) || std::llabs(product(number, scale, kMost)) == kMost);
       continue;
     }
     ++taken;
-    assert_true(value == std::llroundl(exact));
+    assert_true(value == product(number, scale, kMost));
   }
   assert_true(taken > 100'000);
 }
@@ -135,8 +160,9 @@ TEST(doubles_by_bits) {
   assert_int_equal(value, 5);
 }
 
-TEST(doubles_against_long_double) {
+TEST(doubles_against_wide_integers) {
   leadline::test::Random random(9);
+  constexpr std::int64_t kTooMuch = std::int64_t{1} << 62U;
   for (int i = 0; i < 20'000; ++i) {
     // Every magnitude about the edges of the scaled range.
     const double number =
@@ -144,12 +170,11 @@ TEST(doubles_against_long_double) {
     const std::int64_t scale = random.between(1, kMaxDoubleScale);
     std::uint64_t bits = 0;
     std::memcpy(&bits, &number, sizeof bits);
-    const long double expected = std::round(static_cast<long double>(number) * scale);
+    const std::int64_t expected = product(number, scale, kTooMuch);
     std::int64_t value = 0;
     const bool taken = f64_bits_to_integer(bits, scale, value);
-    assert_int_equal(taken, std::fabs(expected) < 0x1.0p62L);
-    // long double has 64 bits: a product of 85 rounds before it is rounded to an integer.
-    assert_true(!taken || std::fabs(static_cast<long double>(value) - expected) <= 1);
+    assert_int_equal(taken, std::llabs(expected) < kTooMuch);
+    assert_true(!taken || value == expected);
   }
 }
 

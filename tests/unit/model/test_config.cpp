@@ -76,7 +76,7 @@ TEST(grid_size) {
     }
   }
   assert_status(kOutOfRange, c->size[2] = kMaxDepthCells + 1);
-  assert_status(kOk, c->size[2] = kMaxDepthCells);
+  assert_status(kOk, (c->size[0] = c->size[1] = kTileCells, c->size[2] = kMaxDepthCells));
   assert_status(kOk, (c->size[0] = kMaxSideCells, c->size[1] = 1));
 }
 
@@ -85,8 +85,13 @@ TEST(capacity) {
   assert_status(kOverCapacity, (c->size[0] = kMaxSideCells, c->size[1] = kMaxSideCells));
   assert_status(kOverCapacity, (c->size[0] = kMaxSideCells, c->size[1] = kMaxSideCells,
                                 c->size[2] = kMaxDepthCells));
+#ifdef __linux__
   static_assert(kVoxelCapacity >= 8U << 20U, "at least 8 Mi voxels on Linux");
-  assert_status(kOk, (c->size[0] = 512, c->size[1] = 512, c->size[2] = 32));
+#endif
+  const std::int32_t side = leadline::test::widest_side_cells();
+  const std::int32_t depth = leadline::test::deepest_cells(side, side);
+  assert_int_equal(check_config(plain_config(side, side, depth)), Status::kOk);
+  assert_int_equal(check_config(plain_config(side, side, depth + 1)), Status::kOverCapacity);
 }
 
 TEST(origin) {

@@ -5,13 +5,16 @@
 #include <vector>
 
 #include "model/grid.hpp"
+#include "tests/support/plain_table.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
 
 using namespace leadline::model;  // NOLINT: a test of this namespace
 using leadline::base::Status;
+using leadline::test::deepest_cells;
 using leadline::test::Random;
+using leadline::test::widest_side_cells;
 
 Grid grid;  // tens of megabytes: static
 
@@ -193,21 +196,26 @@ TEST(capacity_is_refused_with_its_status) {
   assert_int_equal(try_size(1, kMaxSideCells + 1, 1), Status::kOutOfRange);
   assert_int_equal(try_size(1, 1, kMaxDepthCells + 1), Status::kOutOfRange);
   // Over the columns, not over the voxels.
-  assert_int_equal(try_size(1040, 1024, 1), Status::kOverCapacity);
+  const std::int32_t side = widest_side_cells();
+  assert_int_equal(try_size(side + kTileCells, side, 1), Status::kOverCapacity);
+  assert_int_equal(try_size(side, side, deepest_cells(side, side)), Status::kOk);
   // Over the voxels, not over the columns.
-  assert_int_equal(try_size(512, 512, 65), Status::kOverCapacity);
+  const std::int32_t half = side / 2 / kTileCells * kTileCells;
+  assert_int_equal(try_size(half, half, deepest_cells(half, half) + 1), Status::kOverCapacity);
+  assert_int_equal(try_size(half, half, deepest_cells(half, half)), Status::kOk);
   // Padding of tiles counts: a line of single columns takes sixteen times its size.
-  assert_int_equal(try_size(16000, 1, 66), Status::kOverCapacity);
-  assert_int_equal(try_size(512, 512, 64), Status::kOk);
-  assert_int_equal(try_size(1024, 1024, 16), Status::kOk);
-  assert_int_equal(try_size(16000, 1, 65), Status::kOk);
+  const auto line =
+      static_cast<std::int32_t>(std::min<std::uint32_t>(kMaxSideCells, kTileCapacity * kTileCells));
+  assert_int_equal(try_size(line, 1, deepest_cells(line, kTileCells) + 1), Status::kOverCapacity);
+  assert_int_equal(try_size(line, 1, deepest_cells(line, kTileCells)), Status::kOk);
 }
 
 TEST(a_refused_size_leaves_the_grid_as_it_was) {
   configure(20, 20, 8);
   fill(7);
   const std::uint64_t before = grid.map_hash();
-  assert_int_equal(try_size(1040, 1024, 1), Status::kOverCapacity);
+  assert_int_equal(try_size(widest_side_cells() + kTileCells, widest_side_cells(), 1),
+                   Status::kOverCapacity);
   assert_true(grid.map_hash() == before);
 }
 
