@@ -63,9 +63,7 @@ void* _sbrk(std::ptrdiff_t size) {
 }
 
 // The C library's own reports nothing but that something went wrong.
-[[noreturn]] void _exit(int status) {
-  leadline::hal::m7::exit(static_cast<std::uint32_t>(status));
-}
+[[noreturn]] void _exit(int status) { leadline::hal::m7::exit(static_cast<std::uint32_t>(status)); }
 
 void leadline_main() {
   const leadline::firmware::m7::FaultRecord before = leadline::firmware::m7::take_kept_state();
