@@ -88,8 +88,10 @@ void add_command_command(CLI::App* app, CommandRun* run) {
   command->require_subcommand(1);
   command->fallthrough();
   command
-      ->add_option("--link", order->options.link_uri,
-                   "udp:@:PORT, udp:HOST:PORT, tcp:HOST:PORT, serial:PATH:BAUD")
+      ->add_option(
+          "--link", order->options.link_uri,
+          "udp:@:PORT, udp:HOST:PORT, tcp:HOST:PORT, serial:PATH:BAUD; unix:SOCKET: that of a "
+          "receive or\nmonitor with --share SOCKET")
       ->type_name("URI")
       ->required();
   command
@@ -157,14 +159,16 @@ void add_command_command(CLI::App* app, CommandRun* run) {
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
   command->footer(
-      "The command is sent again until it is answered; the vehicle does it once. The link has to "
-      "be free: one\n"
-      "program at a time has it. Exit status: 0 done, 6 refused by the vehicle, 7 no answer, else "
-      "as always.\n\n"
+      "The command is sent again until it is answered; the vehicle does it once. One program at a "
+      "time has a link:\n"
+      "while receive or monitor run, commands go through theirs (--share SOCKET there, --link "
+      "unix:SOCKET here);\n"
+      "the key stays here. Exit status: 0 done, 6 refused by the vehicle, 7 no answer, else as "
+      "always.\n\n"
       "Examples:\n"
       "  leadline command --link udp:@:9100 --key command.key stop\n"
       "  leadline command --link udp:@:9100 --key command.key set link_rate_bytes_s=960\n"
-      "  leadline command --link udp:@:9100 --key command.key slice north");
+      "  leadline command --link unix:/tmp/leadline.sock --key command.key slice north");
 }
 
 }  // namespace leadline::host

@@ -23,6 +23,11 @@ void add_monitor_command(CLI::App* app, CommandRun* run) {
   command->add_option("--out", options->out_dir, "Map and receive.json, at the end and on SIGUSR1")
       ->type_name("DIR");
   command
+      ->add_option("--share", options->share_path,
+                   "Local socket of this user through which `leadline command --link unix:SOCKET` "
+                   "uses the link\nmeanwhile")
+      ->type_name("SOCKET");
+  command
       ->add_option(
           "--budget", options->budget_bytes_s,
           "What the link may carry, to be shown beside what it does, where that is not the "
@@ -48,6 +53,7 @@ void add_monitor_command(CLI::App* app, CommandRun* run) {
       "In the page, H lists the keys.\n\n"
       "Examples:\n"
       "  leadline monitor --link udp:@:9100\n"
+      "  leadline monitor --link udp:@:9100 --share /tmp/leadline.sock\n"
       "  leadline monitor --link serial:/dev/ttyUSB0:9600 --budget 960 --out map\n"
       "  leadline monitor --link file:survey.lll --speed 10");
   command->callback([options, run] { *run = [options] { return run_monitor(*options); }; });

@@ -27,6 +27,11 @@ void add_receive_command(CLI::App* app, CommandRun* run) {
           "Keep the map in this file of surveys (leadline store), second by second; what it\n"
           "has of the same survey is resumed")
       ->type_name("FILE.lls");
+  command
+      ->add_option("--share", options->share_path,
+                   "Local socket of this user through which `leadline command --link unix:SOCKET` "
+                   "uses the link\nmeanwhile")
+      ->type_name("SOCKET");
   command->add_option("--every", options->every_s, "Write the results every S seconds")
       ->type_name("S")
       ->check(CLI::Range(0.1, 1e6));
@@ -53,6 +58,7 @@ void add_receive_command(CLI::App* app, CommandRun* run) {
       "Examples:\n"
       "  leadline receive --link udp:@:9100 --out map --every 10\n"
       "  leadline receive --link udp:@:9100 --store surveys.lls\n"
+      "  leadline receive --link udp:@:9100 --out map --share /tmp/leadline.sock\n"
       "  leadline receive --link file:survey.lll --out map");
   command->callback([options, run] { *run = [options] { return run_receive(*options); }; });
 }

@@ -152,6 +152,9 @@ PortResult make_port(const UriSpec& spec, FileUse file_use) {
     case UriScheme::kTcp:
       result = make_socket_port(spec);
       break;
+    case UriScheme::kUnix:
+      result.port = std::make_unique<LocalPort>(spec.path);
+      break;
     case UriScheme::kCan:
     case UriScheme::kModbusRtu:
     case UriScheme::kModbusTcp:

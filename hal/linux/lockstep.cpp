@@ -7,8 +7,6 @@
 
 #include <poll.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include "hal/wire.hpp"
@@ -44,39 +42,6 @@ void write_u64_le(std::uint8_t* out, std::uint64_t value) {
 bool goes_back(const LockstepCounts& now, const LockstepCounts& before) {
   return !std::equal(now.bytes.begin(), now.bytes.end(), before.bytes.begin(),
                      [](std::uint64_t a, std::uint64_t b) { return a >= b; });
-}
-
-bool socket_name(const std::string& path, sockaddr_un* name, std::string* error) {
-  if (path.empty() || path.size() >= sizeof name->sun_path) {
-    *error = "\"" + path + "\": the name of a local socket has 1 to " +
-             std::to_string(sizeof name->sun_path - 1) + " bytes";
-    return false;
-  }
-  name->sun_family = AF_UNIX;
-  std::memcpy(name->sun_path, path.c_str(), path.size() + 1);
-  return true;
-}
-
-const sockaddr* generic(const sockaddr_un* name) {
-  return reinterpret_cast<const sockaddr*>(name);  // how the sockets API wants it
-}
-
-int open_socket() { return ::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0); }
-
-/// A socket that nobody listens at: what an emulator left that was killed. errno stays.
-bool is_stale_socket(const std::string& path, const sockaddr_un& name) {
-  const int number = errno;
-  struct stat info {};
-  bool stale = false;
-  const int probe = open_socket();
-  if (probe >= 0 && ::lstat(path.c_str(), &info) == 0 && S_ISSOCK(info.st_mode)) {
-    stale = ::connect(probe, generic(&name), sizeof name) != 0 && errno == ECONNREFUSED;
-  }
-  if (probe >= 0) {
-    ::close(probe);
-  }
-  errno = number;
-  return stale;
 }
 
 }  // namespace
@@ -190,27 +155,20 @@ LockstepStatus LockstepChannel::receive(LockstepMessage& message, int timeout_ms
 // ---- Vehicle ------------------------------------------------------------------------------------
 
 bool LockstepClient::connect(const std::string& path, int timeout_ms) {
-  sockaddr_un name{};
-  if (!socket_name(path, &name, &error_)) {
-    return false;
-  }
   const Deadline deadline(timeout_ms);
   int number = 0;
   do {
-    const int fd = open_socket();
-    if (fd >= 0 && ::connect(fd, generic(&name), sizeof name) == 0) {
+    const int fd = connect_local(path);
+    if (fd >= 0) {
       channel_.adopt(fd);
       granted_ = false;
       last_counts_ = {};
       return true;
     }
     number = errno;
-    if (fd >= 0) {
-      ::close(fd);
-    }
     (void)::poll(nullptr, 0, std::min(20, deadline.left_ms()));
   } while (!deadline.over());
-  error_ = "\"" + path + "\": no emulator listens there: " + std::strerror(number);
+  error_ = "\"" + path + "\": no emulator listens there: " + local_socket_error(number);
   return false;
 }
 
@@ -243,58 +201,15 @@ LockstepStatus LockstepClient::answer(base::TimeUs t_us, const LockstepCounts& r
 
 // ---- Emulator -----------------------------------------------------------------------------------
 
-LockstepServer::~LockstepServer() {
-  if (listen_fd_ < 0) {
-    return;
-  }
-  ::close(listen_fd_);
-  // Only what listen() made: somebody may have put something else there since.
-  struct stat info {};
-  const bool ours = ::lstat(path_.c_str(), &info) == 0 && S_ISSOCK(info.st_mode) &&
-                    info.st_dev == device_ && info.st_ino == inode_;
-  if (ours) {
-    (void)::unlink(path_.c_str());  // one that stays is stale: the next listen() replaces it
-  }
-}
-
 bool LockstepServer::listen(const std::string& path) {
-  sockaddr_un name{};
-  if (!socket_name(path, &name, &error_)) {
-    return false;
-  }
-  const auto failed = [&](int fd) {
-    error_ = "\"" + path + "\": cannot listen: " + std::strerror(errno);
-    if (fd >= 0) {
-      ::close(fd);
-    }
-    return false;
-  };
-  const int fd = open_socket();
-  if (fd < 0) {
-    return failed(fd);
-  }
-  bool bound = ::bind(fd, generic(&name), sizeof name) == 0;
-  if (!bound && errno == EADDRINUSE && is_stale_socket(path, name)) {
-    bound = ::unlink(path.c_str()) == 0 && ::bind(fd, generic(&name), sizeof name) == 0;
-  }
-  if (!bound) {
-    return failed(fd);
-  }
-  struct stat info {};
-  if (::listen(fd, 1) != 0 || ::lstat(path.c_str(), &info) != 0) {
-    return failed(fd);
-  }
-  device_ = info.st_dev;
-  inode_ = info.st_ino;
-  listen_fd_ = fd;
-  path_ = path;
-  return true;
+  error_ = listener_.listen(path);
+  return error_.empty();
 }
 
 LockstepStatus LockstepServer::accept(int timeout_ms) {
   const Deadline deadline(timeout_ms);
   while (true) {
-    const int fd = ::accept4(listen_fd_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    const int fd = listener_.accept();
     if (fd >= 0) {
       channel_.adopt(fd);
       last_requested_ = {};
@@ -307,7 +222,7 @@ LockstepStatus LockstepServer::accept(int timeout_ms) {
     if (deadline.over()) {
       return LockstepStatus::kTimeout;
     }
-    pollfd wait{listen_fd_, POLLIN, 0};
+    pollfd wait{listener_.fd(), POLLIN, 0};
     (void)::poll(&wait, 1, deadline.left_ms());
   }
 }

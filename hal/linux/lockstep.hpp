@@ -20,8 +20,7 @@
 #include <cstdint>
 #include <string>
 
-#include <sys/types.h>
-
+#include "hal/linux/local_socket.hpp"
 #include "model/base/units.hpp"
 
 namespace leadline::hal {
@@ -92,14 +91,9 @@ class LockstepClient {
   std::string error_;
 };
 
-/// The emulator's side. The socket file is removed with the object, if it is still the one it made.
+/// The emulator's side. The socket file goes with the object (LocalListener).
 class LockstepServer {
  public:
-  LockstepServer() = default;
-  ~LockstepServer();
-  LockstepServer(const LockstepServer&) = delete;
-  LockstepServer& operator=(const LockstepServer&) = delete;
-
   /// Listens at `path` (at most 107 bytes; a stale socket there is replaced). False: error().
   [[nodiscard]] bool listen(const std::string& path);
   /// Waits for the vehicle.
@@ -118,10 +112,7 @@ class LockstepServer {
 
  private:
   LockstepChannel channel_;
-  int listen_fd_ = -1;
-  dev_t device_ = 0;  ///< of the socket file
-  ino_t inode_ = 0;
-  std::string path_;
+  LocalListener listener_;
   base::TimeUs last_t_us_ = 0;
   LockstepCounts last_requested_;
   std::string error_;

@@ -9,6 +9,8 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include "hal/linux/local_socket.hpp"
+
 namespace leadline::hal {
 namespace {
 
@@ -233,6 +235,16 @@ StreamPort::OpenResult TcpClientPort::check_pending(base::TimeUs now_us) {
 }
 
 long TcpClientPort::write_some(const std::uint8_t* data, std::size_t size) {
+  return ::send(fd_, data, size, MSG_NOSIGNAL);
+}
+
+StreamPort::OpenResult LocalPort::open_now() {
+  const int fd = connect_local(path_);
+  adopt(fd);
+  return fd >= 0 ? OpenResult::kOpen : OpenResult::kFailed;
+}
+
+long LocalPort::write_some(const std::uint8_t* data, std::size_t size) {
   return ::send(fd_, data, size, MSG_NOSIGNAL);
 }
 

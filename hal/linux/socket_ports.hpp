@@ -1,8 +1,9 @@
-// UDP and TCP as byte ports. Inside of hal/linux; users take linux_port.hpp.
+// UDP, TCP and local sockets as byte ports. Inside of hal/linux; users take linux_port.hpp.
 #pragma once
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <netinet/in.h>
@@ -87,6 +88,18 @@ class TcpClientPort final : public StreamPort {
 
   SocketAddress address_;
   base::TimeUs started_us_ = 0;
+};
+
+/// One connection to a local socket, made by this side.
+class LocalPort final : public StreamPort {
+ public:
+  explicit LocalPort(std::string path) : path_(std::move(path)) {}
+
+ private:
+  OpenResult open_now() override;
+  long write_some(const std::uint8_t* data, std::size_t size) override;
+
+  std::string path_;
 };
 
 /// One connection, made by the other side; the newest wins.

@@ -10,10 +10,11 @@ namespace leadline::hal {
 namespace {
 
 constexpr std::size_t kLongest_bytes = 512;
-constexpr std::array<std::pair<std::string_view, UriScheme>, 8> kSchemes = {{
+constexpr std::array<std::pair<std::string_view, UriScheme>, 9> kSchemes = {{
     {"serial", UriScheme::kSerial},
     {"udp", UriScheme::kUdp},
     {"tcp", UriScheme::kTcp},
+    {"unix", UriScheme::kUnix},
     {"file", UriScheme::kFile},
     {"can", UriScheme::kCan},
     {"modbus-rtu", UriScheme::kModbusRtu},
@@ -108,7 +109,7 @@ UriResult parse_uri(std::string_view text) {
   if (colon == std::string_view::npos || scheme == kSchemes.end()) {
     return refuse_uri(
         text,
-        "has to begin with serial:, udp:, tcp:, can:, modbus-rtu:, modbus-tcp:, gpio: or "
+        "has to begin with serial:, udp:, tcp:, can:, modbus-rtu:, modbus-tcp:, gpio:, unix: or "
         "file: (serial:/dev/ttyUSB0:115200, udp:192.168.2.2:9090, udp:@:9100, can:can0, "
         "modbus-rtu:/dev/ttyUSB0:19200:8N1@1, modbus-tcp:HOST:502@1, gpio:gpiochip0:17, "
         "file:PATH)");
@@ -125,14 +126,15 @@ UriResult parse_uri(std::string_view text) {
     case UriScheme::kModbusTcp:
     case UriScheme::kGpio:
       return parse_bus(text, rest, scheme->second);
+    case UriScheme::kUnix:
     case UriScheme::kFile:
       break;
   }
   if (rest.empty()) {
-    return refuse_uri(text, "needs a name: file:PATH");
+    return refuse_uri(text, "needs a name: " + std::string(name) + ":PATH");
   }
   UriResult result;
-  result.spec.scheme = UriScheme::kFile;
+  result.spec.scheme = scheme->second;
   result.spec.path = rest;
   return result;
 }
@@ -153,6 +155,8 @@ std::string uri_text(const UriSpec& spec) {
     case UriScheme::kModbusTcp:
     case UriScheme::kGpio:
       return bus_text(spec);
+    case UriScheme::kUnix:
+      return "unix:" + spec.path;
     case UriScheme::kFile:
       break;
   }

@@ -6,6 +6,7 @@
 //                        answers whoever sent last
 //   tcp:HOST:PORT        connects, again and again, backed off
 //   tcp:@[HOST]:PORT     listens there; one peer, the newest wins (the one before may be long dead)
+//   unix:PATH            connects to a local socket there (leadline receive --share), again and again
 //   file:PATH            where the caller reads: from the beginning, and on as the file grows; where
 //                        it writes: creates the file or adds to its end
 //
@@ -37,6 +38,7 @@ enum class UriScheme : std::uint8_t {
   kSerial,
   kUdp,
   kTcp,
+  kUnix,
   kFile,
   kCan,
   kModbusRtu,
@@ -61,7 +63,7 @@ struct SerialFraming {
 struct UriSpec {
   UriScheme scheme = UriScheme::kFile;
   bool listen = false;  ///< kUdp, kTcp: '@'
-  std::string path;     ///< kSerial, kModbusRtu, kFile; kCan: interface; kGpio: chip
+  std::string path;     ///< kSerial, kModbusRtu, kUnix, kFile; kCan: interface; kGpio: chip
   std::uint32_t baud =
       115'200;  ///< kSerial, kModbusRtu: one of the rates termios knows, 1200 .. 4,000,000
   std::string

@@ -57,9 +57,15 @@ class Monitor {
     }
     const WebAddress address = parse_web_address(options.http);
     if (const std::optional<std::string> path = recording_path(options.link_uri)) {
+      if (!options.share_path.empty()) {
+        throw HostError(ExitCode::kUsage, "--share: " + *path + " is no link to share");
+      }
       player_.emplace(*path, options.speed);
     } else {
       link_.emplace(options.link_uri, "monitor");
+      if (!options.share_path.empty()) {
+        link_->share(options.share_path);
+      }
     }
     begin_receiver();
     server_.emplace(address,

@@ -8,6 +8,7 @@ namespace leadline::host {
 struct MonitorOptions {
   std::string link_uri;  ///< as for receive; a regular file (file:PATH) is played
   std::string http = "127.0.0.1:8080";
+  std::string share_path;     ///< local socket that lends the link (topside/link_share.hpp)
   std::string out_dir;        ///< map and receive.json at the end; "" = none
   double budget_bytes_s = 0;  ///< what the link may carry; 0: as the vehicle says
   double speed = 0;           ///< recordings: play from the beginning; 0: stand at the end

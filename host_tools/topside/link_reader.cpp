@@ -37,6 +37,13 @@ LinkReader::LinkReader(const std::string& uri, const std::string& command)
   port_ = std::move(made.port);
 }
 
+void LinkReader::share(const std::string& socket_path) {
+  if (is_file_) {
+    throw HostError(ExitCode::kUsage, "--share: " + uri_ + " is no link to share");
+  }
+  share_ = std::make_unique<LinkShare>(socket_path);
+}
+
 std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
   return read_bytes(now_s, [receiver](const std::uint8_t* data, std::size_t size_bytes) {
     receiver->feed(data, size_bytes);
@@ -60,7 +67,13 @@ std::size_t LinkReader::read_bytes(
       break;
     }
     sum += got;
+    if (share_) {
+      share_->give(buffer_.data(), got);
+    }
     take(buffer_.data(), got);
+  }
+  if (share_) {
+    share_->serve([this](const std::vector<std::uint8_t>& frame) { return send(frame); });
   }
   return sum;
 }

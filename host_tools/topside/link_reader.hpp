@@ -11,6 +11,7 @@
 
 #include "hal/linux/linux_port.hpp"
 #include "hal/linux/port_watch.hpp"
+#include "host_tools/topside/link_share.hpp"
 #include "host_tools/topside/receiver.hpp"
 
 namespace leadline::host {
@@ -20,6 +21,10 @@ class LinkReader {
   /// Opens what `uri` names (hal/linux/uri.hpp). `command` stands in front of messages. Throws HostError:
   /// kUsage (the URI, an address that is taken), kInput (no such device, a file that cannot be read).
   LinkReader(const std::string& uri, const std::string& command);
+
+  /// Lends the link to others of this user from now on (LinkShare), in read_some() and read_bytes(). Throws HostError:
+  /// kOutput; kUsage for a file.
+  void share(const std::string& socket_path);
 
   /// Feeds what has come, at most so much that a flood lets the caller look at its clock in between.
   /// Returns the bytes. Passes on what Receiver::feed throws.
@@ -47,6 +52,7 @@ class LinkReader {
   bool is_file_ = false;
   std::unique_ptr<hal::LinuxPort> port_;
   hal::PortWatch watch_;
+  std::unique_ptr<LinkShare> share_;
   std::vector<std::uint8_t> buffer_;
 };
 

@@ -49,6 +49,9 @@ class Session {
     if (link_.local_port() != 0) {
       std::cerr << "receive: listening at port " << link_.local_port() << "\n";
     }
+    if (!options.share_path.empty()) {
+      link_.share(options.share_path);
+    }
     if (!options.store_path.empty()) {
       keeper_.emplace(options.store_path);
     }

@@ -12,6 +12,7 @@ namespace leadline::host {
 struct ReceiveOptions {
   std::string link_uri;    ///< udp:@:PORT, serial:..., tcp:..., file:PATH; see hal/linux/uri.hpp
   std::string out_dir;     ///< map and receive.json; "" = none
+  std::string share_path;  ///< local socket that lends the link (topside/link_share.hpp); "" = none
   std::string store_path;  ///< surveys on disk (store/survey_store.hpp); "" = none
   std::string
       log_path;  ///< the vehicle's log, whose end record the map is compared with; "" = none

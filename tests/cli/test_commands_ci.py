@@ -6,6 +6,7 @@ import os
 import pathlib
 import random
 import select
+import signal
 import socket
 import struct
 import subprocess
@@ -86,8 +87,8 @@ class Commands(Case):
         self.relay.start()
         self.addCleanup(self.relay.close)
 
-    def order(self, code, *arguments, key=None, timeout=60):
-        done = self.leadline(code, "command", "--link", f"udp:127.0.0.1:{self.relay.port}", "--key",
+    def order(self, code, *arguments, key=None, timeout=60, link=None):
+        done = self.leadline(code, "command", "--link", link or f"udp:127.0.0.1:{self.relay.port}", "--key",
                              key or self.key, "--timeout", timeout, "--json", *arguments)
         return json.loads(done.stdout)
 
@@ -210,6 +211,38 @@ class Commands(Case):
         self.leadline(OK, "key", "advance", self.key, "--by", "2000")
         self.order(OK, "stop")
         self.assertIn(f"counter {self.answers()[-1][1]}\n", counter.read_text())
+        self.stop(process)
+
+    def test_while_receive_or_monitor_have_the_link(self):
+        self.connect()
+        process = self.start()
+        self.wait_for(lambda: self.relay.vehicle is not None)
+        for words in [["receive", "--out", str(self.dir / "map")], ["monitor", "--http", "127.0.0.1:0"]]:
+            shared = self.dir / words[0]
+            holder = subprocess.Popen([LEADLINE, *words, "--link", f"udp:127.0.0.1:{self.relay.port}", "--share",
+                                       str(shared)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            self.addCleanup(holder.kill)
+            self.wait_for(shared.is_socket)
+            self.assertEqual(shared.stat().st_mode & 0o7777, 0o600)
+            link = f"unix:{shared}"
+            said = [self.order(code, *order, link=link) for code, *order in [
+                (OK, "stop"), (OK, "start"), (REFUSED, "set", "min_range_mm=2000000000"),
+                (OK, "slice", "north", "--rows", "16", "--at", "0", "0", "9")]]
+            self.assertEqual([each["result"] for each in said], ["done", "done", "out_of_range", "done"])
+            self.assertTrue(said[-1]["slice"]["complete"])
+            # Who has no key gets nothing done here either.
+            other = self.dir / f"{words[0]}.key"
+            self.leadline(OK, "key", "new", other, "--vehicle", "3")
+            self.order(NO_ANSWER, "stop", key=other, timeout=1, link=link)
+            again = self.leadline(4, *words, "--link", "udp:@127.0.0.1:0", "--share", shared)
+            self.assertIn("in use", again.stderr)
+            holder.send_signal(signal.SIGINT)
+            self.assertEqual(holder.wait(PATIENCE_S), OK, holder.stderr.read())
+            holder.stderr.close()
+            self.assertFalse(shared.exists())
+            self.order(NO_ANSWER, "stop", timeout=0.5, link=link)
+        done = self.leadline(USAGE, "receive", "--link", f"file:{self.log}", "--share", self.dir / "no")
+        self.assertIn("is no link to share", done.stderr)
         self.stop(process)
 
     def test_keys_that_are_none_are_refused_with_what_to_do(self):

@@ -85,7 +85,7 @@ TEST(text_reads_back_to_the_same) {
        {"serial:/dev/ttyUSB0:115200", "udp:192.168.2.2:9090", "udp:@:9100", "tcp:[fe80::1]:80",
         "tcp:@localhost:80", "file:a b", "can:can0", "can:can0:123/7FF,0DF50B23/1FFFFFFF",
         "modbus-rtu:/dev/ttyUSB1:19200:8N1@1", "modbus-tcp:[::1]:502@9", "gpio:gpiochip0:3",
-        "gpio:gpiochip0:3:out"}) {
+        "gpio:gpiochip0:3:out", "unix:/run/leadline.sock"}) {
     assert_string_equal(uri_text(good(text).spec).c_str(), text);
   }
 }
@@ -137,7 +137,8 @@ TEST(what_is_wrong_is_said_with_the_text_and_what_is_needed) {
       {"udp:ho st:80", "\"ho st\" is not a host"},
       {"udp://host:80", "\"//host\" is not a host"},
       {"udp:@@host:80", "\"@host\" is not a host"},
-      {"file:", "needs a name"},
+      {"file:", "needs a name: file:PATH"},
+      {"unix:", "needs a name: unix:PATH"},
       {"file:a\nb", "holds control characters"},
       {std::string(600, 'x'), "longer than 512 bytes"},
   };

@@ -1,0 +1,235 @@
+// A link lent to others of this user: what they get, what of theirs goes up, and who does not get in.
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "firmware/keys/command_key.hpp"
+#include "hal/linux/local_socket.hpp"
+#include "host_tools/exit_codes.hpp"
+#include "host_tools/topside/command_sender.hpp"
+#include "host_tools/topside/link_share.hpp"
+#include "proto/commands.hpp"
+#include "proto/messages.hpp"
+#include "tests/support/test.hpp"
+
+namespace {
+
+using leadline::hal::connect_local;
+using leadline::host::CommandKey;
+using leadline::host::CommandSender;
+using leadline::host::HostError;
+using leadline::host::LinkShare;
+using leadline::test::Random;
+using Bytes = std::vector<std::uint8_t>;
+namespace proto = leadline::proto;
+
+/// A folder with a socket's name in it.
+struct Place {
+  Place() {
+    char name[] = "/tmp/leadline-share.XXXXXX";
+    assert_non_null(::mkdtemp(name));
+    folder = name;
+    path = folder + "/socket";
+  }
+  ~Place() {
+    ::unlink(path.c_str());
+    ::rmdir(folder.c_str());
+  }
+  Place(const Place&) = delete;
+  Place& operator=(const Place&) = delete;
+  std::string folder;
+  std::string path;
+};
+
+/// A program at the other end.
+struct Guest {
+  explicit Guest(const std::string& path) : fd(connect_local(path)) { assert_true(fd >= 0); }
+  ~Guest() { ::close(fd); }
+  Guest(const Guest&) = delete;
+  Guest& operator=(const Guest&) = delete;
+  void say(const Bytes& bytes) const {
+    assert_int_equal(::write(fd, bytes.data(), bytes.size()), bytes.size());
+  }
+  [[nodiscard]] Bytes hear() const {
+    Bytes bytes(65536);
+    const ssize_t got = ::read(fd, bytes.data(), bytes.size());
+    bytes.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
+    return bytes;
+  }
+  /// Whether the other end has hung up.
+  [[nodiscard]] bool alone() const {
+    std::uint8_t byte = 0;
+    return ::read(fd, &byte, 1) == 0;
+  }
+  int fd;
+};
+
+Bytes framed(const Bytes& payload) {
+  Bytes frame(proto::frame_bound_bytes(payload.size()));
+  frame.resize(
+      proto::encode_frame(payload.data(), payload.size(), frame.data(), frame.size()).value());
+  return frame;
+}
+
+Bytes command_frame() {
+  proto::Command command{};
+  command.kind = proto::CommandKind::kStop;
+  return CommandSender(CommandKey::random(3), command, 1).frame();
+}
+
+/// What the share sends up in some rounds.
+Bytes sent_up(LinkShare* share, bool room = true) {
+  Bytes up;
+  for (int round = 0; round < 8; ++round) {
+    share->serve([&](const Bytes& frame) {
+      if (room) {
+        up.insert(up.end(), frame.begin(), frame.end());
+      }
+      return room;
+    });
+  }
+  return up;
+}
+
+void assert_refused(const std::string& path, const char* words) {
+  std::string why;
+  try {
+    const LinkShare share(path);
+  } catch (const HostError& error) {
+    why = error.what();
+  }
+  assert_true(why.find(words) != std::string::npos);
+}
+
+TEST(commands_go_up_and_everything_comes_down) {
+  const Place place;
+  LinkShare share(place.path);
+  const Guest one(place.path);
+  const Guest two(place.path);
+  assert_true(sent_up(&share).empty());
+  const Bytes down = framed({1, 2, 3});
+  share.give(down.data(), down.size());
+  assert_true(one.hear() == down);
+  assert_true(two.hear() == down);
+  // In pieces, behind noise: the frame as it was.
+  const Bytes command = command_frame();
+  two.say({9, 9, 9});
+  two.say(Bytes(command.begin(), command.begin() + 10));
+  assert_true(sent_up(&share).empty());
+  two.say(Bytes(command.begin() + 10, command.end()));
+  assert_true(sent_up(&share) == command);
+  std::uint8_t request = 0;
+  const auto size = proto::encode_hello_request(&request, 1);
+  const Bytes hello_request = framed(Bytes(&request, &request + size.value()));
+  one.say(hello_request);
+  assert_true(sent_up(&share) == hello_request);
+  one.say(command);
+  assert_true(sent_up(&share, false).empty());
+  assert_int_equal(share.counters().forwarded, 2);
+  assert_int_equal(share.counters().withheld, 0);
+}
+
+TEST(nothing_else_goes_up) {
+  const Place place;
+  LinkShare share(place.path);
+  const Guest guest(place.path);
+  std::uint64_t others = 0;
+  for (int type = 0; type < 256; ++type) {
+    if (type == static_cast<int>(proto::MessageType::kCommand) ||
+        type == static_cast<int>(proto::MessageType::kHelloRequest)) {
+      continue;
+    }
+    guest.say(framed(Bytes(20, static_cast<std::uint8_t>(type))));
+    others += 1;
+  }
+  // Too long for any command; and an empty frame.
+  guest.say(framed(Bytes(proto::kMaxCommand_bytes + 1,
+                         static_cast<std::uint8_t>(proto::MessageType::kCommand))));
+  guest.say(framed({}));
+  assert_true(sent_up(&share).empty());
+  assert_int_equal(share.counters().withheld, others + 2);
+  // Noise makes no frame.
+  Random random(7);
+  for (int k = 0; k < 200; ++k) {
+    Bytes noise(512);
+    for (std::uint8_t& byte : noise) {
+      byte = static_cast<std::uint8_t>(random.next());
+    }
+    guest.say(noise);
+    assert_true(sent_up(&share).empty());
+  }
+  guest.say(framed({}));  // ends what the noise began
+  guest.say(command_frame());
+  assert_false(sent_up(&share).empty());
+}
+
+TEST(only_this_user_gets_in_and_only_so_many) {
+  const Place place;
+  LinkShare share(place.path);
+  struct stat info {};
+  assert_int_equal(::stat(place.path.c_str(), &info), 0);
+  assert_int_equal(info.st_mode & 07777U, 0600);
+  std::vector<std::unique_ptr<Guest>> guests;
+  for (std::size_t i = 0; i < LinkShare::kMostGuests; ++i) {
+    guests.push_back(std::make_unique<Guest>(place.path));
+  }
+  (void)sent_up(&share);
+  const Guest late(place.path);
+  (void)sent_up(&share);
+  assert_true(late.alone());
+  assert_int_equal(share.counters().refused, 1);
+  guests.pop_back();
+  (void)sent_up(&share);
+  const Guest later(place.path);
+  (void)sent_up(&share);
+  assert_int_equal(share.counters().joined, LinkShare::kMostGuests + 1);
+  later.say(command_frame());
+  assert_false(sent_up(&share).empty());
+}
+
+TEST(nobody_waits_for_a_guest_that_does_not_read) {
+  const Place place;
+  LinkShare share(place.path);
+  const Guest asleep(place.path);
+  const Guest awake(place.path);
+  (void)sent_up(&share);
+  const Bytes down(16384, 5);
+  for (int k = 0; k < 200; ++k) {
+    share.give(down.data(), down.size());
+    assert_int_equal(awake.hear().size(), down.size());
+  }
+  assert_int_equal(share.counters().cut_off, 1);
+}
+
+TEST(a_place_that_is_taken_is_said_and_a_dead_one_is_used_again) {
+  const Place place;
+  {
+    std::ofstream(place.path) << "a file";
+    assert_refused(place.path, "in use");
+    assert_int_equal(::unlink(place.path.c_str()), 0);
+  }
+  {
+    const LinkShare share(place.path);
+    assert_refused(place.path, "in use");
+  }
+  assert_int_equal(::access(place.path.c_str(), F_OK), -1);
+  {
+    // What a program that was killed leaves.
+    const std::string aside = place.folder + "/aside";
+    {
+      const LinkShare left(place.path);
+      assert_int_equal(::rename(place.path.c_str(), aside.c_str()), 0);
+    }
+    assert_int_equal(::rename(aside.c_str(), place.path.c_str()), 0);
+    const LinkShare share(place.path);
+    const Guest guest(place.path);
+  }
+  assert_refused(place.folder + "/" + std::string(120, 'x'), "1 to 107 bytes");
+}
+
+}  // namespace
