@@ -102,6 +102,8 @@ std::vector<ChangedArea> changed_areas(const MapDifference& difference, double t
         continue;
       }
       ChangedArea area;
+      double variances_m2 = 0.0;
+      double sigmas_m = 0.0;
       seen[first] = true;
       open.emplace_back(row, column);
       while (!open.empty()) {
@@ -112,6 +114,9 @@ std::vector<ChangedArea> changed_areas(const MapDifference& difference, double t
         area.east_m += raster.east_of_column_m(c);
         area.north_m += raster.north_of_row_m(r);
         area.mean_m += difference.change.values[cell];
+        const double sigma_m = difference.sigma.values[cell];
+        variances_m2 += sigma_m * sigma_m;
+        sigmas_m += sigma_m;
         area.peak_sigmas = std::max(area.peak_sigmas, std::fabs(raster.values[cell]));
         for (const auto& [dr, dc] :
              {std::pair{0, 1}, std::pair{0, -1}, std::pair{1, 0}, std::pair{-1, 0}}) {
@@ -132,6 +137,9 @@ std::vector<ChangedArea> changed_areas(const MapDifference& difference, double t
       const auto cells = static_cast<double>(area.cells);
       area.area_m2 = cells * cell_area_m2;
       area.volume_m3 = area.mean_m * cell_area_m2;
+      area.volume_sigma_m3 = cell_area_m2 * std::hypot(std::sqrt(variances_m2),
+                                                       cells * difference.removed_offset_sigma_m);
+      area.volume_sigma_common_m3 = cell_area_m2 * sigmas_m;
       area.mean_m /= cells;
       area.east_m /= cells;
       area.north_m /= cells;
@@ -142,6 +150,20 @@ std::vector<ChangedArea> changed_areas(const MapDifference& difference, double t
     return std::fabs(a.volume_m3) > std::fabs(b.volume_m3);
   });
   return areas;
+}
+
+/// Sigma of the median of values with these sigmas: sqrt(n) / (2 times the sum of their densities at the middle).
+double sigma_of_median(const Raster& sigmas, const Raster& values) {
+  double known = 0.0;
+  double inverses = 0.0;
+  for (std::size_t k = 0; k < sigmas.values.size(); ++k) {
+    if (!std::isnan(values.values[k]) && !std::isnan(sigmas.values[k])) {
+      known += 1.0;
+      inverses += 1.0 / sigmas.values[k];
+    }
+  }
+  constexpr double kHalfPi = 1.5707963267948966;
+  return inverses > 0.0 ? std::sqrt(kHalfPi * known) / inverses : 0.0;
 }
 
 double median_of(std::vector<double> values) {
@@ -162,6 +184,7 @@ MapDifference difference_of(const AlignedMap& earlier, const AlignedMap& later,
                             double threshold_sigmas, bool level) {
   MapDifference difference;
   difference.change = earlier.elevation;
+  difference.sigma = earlier.elevation;
   difference.significance = earlier.elevation;
   std::vector<double> changes;
   for (std::size_t k = 0; k < earlier.elevation.values.size(); ++k) {
@@ -171,6 +194,8 @@ MapDifference difference_of(const AlignedMap& earlier, const AlignedMap& later,
     difference.only_later += std::isnan(before) && !std::isnan(after) ? 1U : 0U;
     // Elevations: what became deeper has fallen.
     difference.change.values[k] = before - after;
+    difference.sigma.values[k] =
+        std::max(std::hypot(earlier.sigma.values[k], later.sigma.values[k]), kLeastSigma_m);
     if (!std::isnan(before - after)) {
       changes.push_back(before - after);
     }
@@ -179,13 +204,12 @@ MapDifference difference_of(const AlignedMap& earlier, const AlignedMap& later,
   difference.median_m = median_of(std::move(changes));
   if (level && difference.compared > 0) {
     difference.removed_offset_m = difference.median_m;
+    difference.removed_offset_sigma_m = sigma_of_median(difference.sigma, difference.change);
   }
   for (std::size_t k = 0; k < difference.change.values.size(); ++k) {
     double& change_m = difference.change.values[k];
     change_m -= difference.removed_offset_m;
-    const double sigma_m = std::hypot(earlier.sigma.values[k], later.sigma.values[k]);
-    const double significance =
-        std::isnan(sigma_m) ? kNoValue : change_m / std::max(sigma_m, kLeastSigma_m);
+    const double significance = change_m / difference.sigma.values[k];
     difference.significance.values[k] = significance;
     difference.significant += std::fabs(significance) > threshold_sigmas ? 1U : 0U;
   }

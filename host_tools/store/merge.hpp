@@ -33,14 +33,19 @@ struct ChangedArea {
   double area_m2 = 0.0;
   double east_m = 0.0;  ///< mean of its cells
   double north_m = 0.0;
-  double mean_m = 0.0;       ///< change of depth, deeper is positive
-  double volume_m3 = 0.0;    ///< what is missing (positive) or was added
+  double mean_m = 0.0;     ///< change of depth, deeper is positive
+  double volume_m3 = 0.0;  ///< what is missing (positive) or was added
+  /// Sigma of the volume: if every cell errs on its own (and of the offset that was removed, which they share), and if
+  /// all cells of a survey err together (a tide, a sound speed). The truth lies between: a beam covers several cells.
+  double volume_sigma_m3 = 0.0;
+  double volume_sigma_common_m3 = 0.0;
   double peak_sigmas = 0.0;  ///< largest |change| / sigma
 };
 
 struct MapDifference {
   Raster change;        ///< later depth minus earlier depth, metres
-  Raster significance;  ///< the same in sigmas of the difference
+  Raster sigma;         ///< of the change, metres
+  Raster significance;  ///< change in these sigmas
   std::size_t compared = 0;
   std::size_t significant = 0;      ///< cells beyond the threshold
   double expected_by_chance = 0.0;  ///< of them, were nothing changed and every sigma right
@@ -48,6 +53,8 @@ struct MapDifference {
   std::size_t only_later = 0;
   double median_m = kNoValue;
   double removed_offset_m = 0.0;
+  double removed_offset_sigma_m =
+      0.0;                         ///< of that median, from the cells' sigmas; 0: none was removed
   std::vector<ChangedArea> areas;  ///< largest |volume| first; of at least kLeastChangedCells
 };
 /// Smaller areas are left to the raster: single cells pass any threshold by chance.

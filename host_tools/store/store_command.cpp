@@ -278,15 +278,17 @@ int run_store_merge(const StoreMergeOptions& options) {
 namespace {
 
 std::string difference_json(const MapDifference& difference, double threshold_sigmas) {
-  std::string text = "{\n  \"compared_cells\": " + std::to_string(difference.compared) +
-                     ",\n  \"threshold_sigmas\": " + json_number(threshold_sigmas) +
-                     ",\n  \"significant_cells\": " + std::to_string(difference.significant) +
-                     ",\n  \"expected_by_chance\": " + json_number(difference.expected_by_chance) +
-                     ",\n  \"only_earlier_cells\": " + std::to_string(difference.only_earlier) +
-                     ",\n  \"only_later_cells\": " + std::to_string(difference.only_later) +
-                     ",\n  \"median_m\": " + json_number(difference.median_m) +
-                     ",\n  \"removed_offset_m\": " + json_number(difference.removed_offset_m) +
-                     ",\n  \"areas\": [";
+  std::string text =
+      "{\n  \"compared_cells\": " + std::to_string(difference.compared) +
+      ",\n  \"threshold_sigmas\": " + json_number(threshold_sigmas) +
+      ",\n  \"significant_cells\": " + std::to_string(difference.significant) +
+      ",\n  \"expected_by_chance\": " + json_number(difference.expected_by_chance) +
+      ",\n  \"only_earlier_cells\": " + std::to_string(difference.only_earlier) +
+      ",\n  \"only_later_cells\": " + std::to_string(difference.only_later) +
+      ",\n  \"median_m\": " + json_number(difference.median_m) +
+      ",\n  \"removed_offset_m\": " + json_number(difference.removed_offset_m) +
+      ",\n  \"removed_offset_sigma_m\": " + json_number(difference.removed_offset_sigma_m) +
+      ",\n  \"areas\": [";
   for (const ChangedArea& area : difference.areas) {
     text += std::string(&area == difference.areas.data() ? "\n" : ",\n") +
             "    {\"east_m\": " + json_number(area.east_m) +
@@ -295,6 +297,8 @@ std::string difference_json(const MapDifference& difference, double threshold_si
             ", \"area_m2\": " + json_number(area.area_m2) +
             ", \"mean_m\": " + json_number(area.mean_m) +
             ", \"volume_m3\": " + json_number(area.volume_m3) +
+            ", \"volume_sigma_m3\": " + json_number(area.volume_sigma_m3) +
+            ", \"volume_sigma_common_m3\": " + json_number(area.volume_sigma_common_m3) +
             ", \"peak_sigmas\": " + json_number(area.peak_sigmas) + "}";
   }
   return text + "\n  ]\n}\n";
@@ -312,14 +316,16 @@ void print_difference(const MapDifference& difference, double threshold_sigmas) 
   constexpr std::size_t kShown = 20;
   std::cout << (difference.areas.empty() ? "\n"
                                          : ":\n      east     north   area m2   mean m  "
-                                           "volume m3  peak sigmas\n");
+                                           "volume m3    sigma  at most  peak sigmas\n");
   for (std::size_t k = 0; k < std::min(kShown, difference.areas.size()); ++k) {
     const ChangedArea& area = difference.areas[k];
     std::cout << std::setw(10) << metres_text(area.east_m, 1) << std::setw(10)
               << metres_text(area.north_m, 1) << std::setw(10) << metres_text(area.area_m2, 1)
               << std::setw(9) << metres_text(area.mean_m, 3) << std::setw(11)
-              << metres_text(area.volume_m3, 2) << std::setw(13) << metres_text(area.peak_sigmas, 1)
-              << "\n";
+              << metres_text(area.volume_m3, 2) << std::setw(9)
+              << metres_text(area.volume_sigma_m3, 2) << std::setw(9)
+              << metres_text(area.volume_sigma_common_m3, 2) << std::setw(13)
+              << metres_text(area.peak_sigmas, 1) << "\n";
   }
   if (difference.areas.size() > kShown) {
     std::cout << "and " << difference.areas.size() - kShown << " smaller ones\n";

@@ -221,6 +221,67 @@ TEST(a_scour_is_found_and_a_tide_is_none) {
   assert_near(difference.areas[0].east_m, 20.0, 1e-9);
   assert_near(difference.areas[0].north_m, 22.5, 1e-9);
   assert_near(difference.areas[0].peak_sigmas, 0.8 / std::hypot(0.1, 0.1), 1e-6);
+  // 200 cells of 0.25 m2, each wrong by 0.1 sqrt 2; the median of 3,600 such is sqrt(pi / 2) / 60 of one.
+  const double one_m = 0.1 * std::sqrt(2.0);
+  assert_near(difference.removed_offset_sigma_m, 1.2533141 * one_m / 60.0, 1e-8);
+  assert_near(difference.areas[0].volume_sigma_m3,
+              0.25 * std::hypot(std::sqrt(200.0) * one_m, 200.0 * 1.2533141 * one_m / 60.0), 1e-6);
+  assert_near(difference.areas[0].volume_sigma_common_m3, 50.0 * one_m, 1e-9);
+}
+
+// By hand: four cells of 4 m2, 1 m deeper, sigmas 0.1, 0.2, 0.3, 0.4 against 0.
+TEST(a_volume_has_a_sigma) {
+  MapSource a;
+  a.origin = "a";
+  a.elevation = make_raster(2, 2, 0.0, 0.0, 2.0, -10.0);
+  a.sigma = make_raster(2, 2, 0.0, 0.0, 2.0, 0.0);
+  MapSource b = a;
+  b.origin = "b";
+  for (std::size_t k = 0; k < 4; ++k) {
+    b.elevation.values[k] -= 1.0;
+    b.sigma->values[k] = 0.1 * static_cast<double>(k + 1);
+  }
+  const std::vector<AlignedMap> maps = align_maps({a, b});
+  const MapDifference difference = difference_of(maps[0], maps[1], 2.0, false);
+  assert_int_equal(difference.areas.size(), 1);
+  assert_near(difference.areas[0].volume_m3, 16.0, 1e-9);
+  assert_near(difference.areas[0].volume_sigma_m3, 4.0 * std::sqrt(0.01 + 0.04 + 0.09 + 0.16),
+              1e-9);
+  assert_near(difference.areas[0].volume_sigma_common_m3, 4.0 * 1.0, 1e-9);
+  assert_near(difference.removed_offset_sigma_m, 0.0, 0.0);
+}
+
+// The same change measured 300 times: its volume scatters as the sigma says, with and without a median removed. As much
+// rises as falls, so that the median is of what stayed.
+TEST(sigmas_of_volumes_are_honest) {
+  Random random(11);
+  for (const bool level : {false, true}) {
+    double squares = 0.0;
+    double said = 0.0;
+    for (int trial = 0; trial < 300; ++trial) {
+      MapSource a = slope_map("a", 20, 20, 0.0, 0.0, 0.05);
+      MapSource b = slope_map("b", 20, 20, 0.0, 0.0, 0.1);
+      for (int row = 0; row < 20; ++row) {
+        for (int column = 0; column < 20; ++column) {
+          a.elevation.at(row, column) += 0.05 * random.normal();
+          b.elevation.at(row, column) += 0.1 * random.normal();
+          // So much that the areas are these whatever the noise.
+          b.elevation.at(row, column) -= row < 4 && column < 8 ? 2.0 : 0.0;
+          b.elevation.at(row, column) += row >= 16 && column >= 12 ? 2.0 : 0.0;
+        }
+      }
+      const std::vector<AlignedMap> maps = align_maps({a, b});
+      const MapDifference difference = difference_of(maps[0], maps[1], 8.0, level);
+      assert_int_equal(difference.areas.size(), 2);
+      for (const auto& area : difference.areas) {
+        assert_int_equal(area.cells, 32);
+        const double error_m3 = std::fabs(area.volume_m3) - 2.0 * 32 * 0.25;
+        squares += error_m3 * error_m3;
+        said += area.volume_sigma_m3 * area.volume_sigma_m3;
+      }
+    }
+    assert_near(std::sqrt(squares / said), 1.0, 0.1);
+  }
 }
 
 }  // namespace
