@@ -437,21 +437,30 @@ Shadow shadow_of(const Trial& trial, double range, double growth, double elevati
   const double boxed =
       std::min(north, 2 * far + 1 + length / 16) * std::min(east, length + 2 * far + 1);
   out.candidates = std::max(banded, boxed);
-  // As model/integrate.cpp, set_edges(), with a little less than its least A.
+  // As model/frustum.cpp, with a little more margin and a little less than its least A.
   constexpr double kLeastA = 1.02 / 256;
   constexpr double kMargin = 0.16;
-  if (a > kLeastA && far * (length + far) > 41) {
+  constexpr double kWorthwhile = 41;
+  // The last line: an outline almost along the rows only says which rows it leaves.
+  const double end = far * far * (1 - s) > kWorthwhile
+                         ? std::min(far, s * far + kMargin + 2 * (length + far) / 1024)
+                         : far;
+  if (a > kLeastA && far * (length + far) > kWorthwhile) {
     const double tangent = growth / std::sqrt(a);
-    // The last: an outline almost along the rows only says which rows it leaves.
     const double room = kMargin + near * c / std::sqrt(a) + 2 * s / tangent / 1024 +
                         2 * (length + far) * (1 + tangent) / 1024;
-    double area = 2 * far * far;
+    double area = 2 * far * end;
     const double step = (length + far) / kStepsX;
     for (int i = 0; i < kStepsX; ++i) {
       const double x = -far + (i + 0.5) * step;
       area += step * 2 * std::clamp(tangent * x + room, 0.0, far);
     }
-    out.candidates = std::min(out.candidates, most_points(area, length + 2 * far, 2 * far));
+    out.candidates = std::min(out.candidates, most_points(area, length + far + end, 2 * far));
+  }
+  if (length < 0.99 * far && far * far > kWorthwhile) {
+    const double radius = std::max(far, length + near) * (1 + 1.0 / 2048) + kMargin;
+    out.candidates =
+        std::min(out.candidates, most_points(kPi * radius * radius, 2 * radius, 2 * radius));
   }
   out.candidates = std::min(north * east, out.candidates);
   out.columns = std::min(out.columns, out.candidates);
