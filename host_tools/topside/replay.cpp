@@ -62,10 +62,11 @@ std::string result_json(const ReplayResult& result) {
   return text + "\n}\n";
 }
 
-void write_results(const ReplayOptions& options, const FlightLog& log, firmware::Vehicle* vehicle,
+void write_results(const ReplayOptions& options, firmware::Vehicle* vehicle,
                    const Soundings& soundings, const ReplayResult& result) {
   OutputDir output(options.out_dir);
-  firmware::VehicleConfig flown = log.config();
+  // As it was in the end: commands may have given the map another place or name.
+  firmware::VehicleConfig flown = vehicle->config();
   const estimator::LocalPlane& plane = vehicle->navigator().plane();
   if (plane.configured()) {  // by the configuration, or by the flight's first fix
     flown.navigation.has_origin = 1;
@@ -112,7 +113,7 @@ int run_replay(const ReplayOptions& options) {
       replay_flight(&log, &*vehicle, options.out_dir.empty() ? nullptr : &soundings);
   std::cerr << findings_text(result.log, result.then.has_value());
   if (!options.out_dir.empty()) {
-    write_results(options, log, &*vehicle, soundings, result);
+    write_results(options, &*vehicle, soundings, result);
   }
   if (options.json) {
     std::cout << result_json(result);

@@ -21,8 +21,8 @@ const running = [];
 process.on("exit", () => running.forEach((child) => child.kill("SIGKILL")));
 
 /** A monitor that serves its page: { child, url, port (of the link, 0 for files) }. */
-export async function startMonitor(program, link, http = "127.0.0.1:0") {
-  const child = spawn(program, ["monitor", "--link", link, "--http", http], { stdio: ["ignore", "ignore", "pipe"] });
+export async function startMonitor(program, link, http = "127.0.0.1:0", more = []) {
+  const child = spawn(program, ["monitor", "--link", link, "--http", http, ...more], { stdio: ["ignore", "ignore", "pipe"] });
   running.push(child);
   child.ended = new Promise((done) => child.on("exit", done));
   let said = "";

@@ -154,13 +154,25 @@ class Commands(Case):
         self.assertGreater(summary["pings_mapped"], 20)
         # Without key and counter the log does the same again.
         self.key.unlink()
-        done = self.leadline(OK, "replay", self.log, "--json")
+        done = self.leadline(OK, "replay", self.log, "--json", "--out", self.dir / "replay")
         self.assertEqual(json.loads(done.stdout)["map_hash"], summary["map_hash"])
         self.assertTrue(json.loads(done.stdout)["same_as_flight"])
         again = subprocess.run([REPLAY, self.log], capture_output=True, text=True, check=False)
         self.assertEqual(again.returncode, 0, again.stderr)
         self.assertIn("same_as_flight=true", again.stdout)
         self.assertIn(summary["map_hash"], again.stdout)
+        # The maps lie where the last origin was, under the last name: the vehicle's, the one that went down, the model.
+        self.leadline(OK, "receive", "--link", f"file:{self.log}", "--out", self.dir / "received")
+        grids = {}
+        for name in ["replay", "received"]:
+            lines = (self.dir / name / "depth.asc").read_text().splitlines()
+            grids[name] = dict(line.split() for line in lines[:6])
+            self.assertEqual(float(grids[name]["xllcorner"]), -16.0, name)
+            self.assertEqual(float(grids[name]["yllcorner"]), -16.0, name)
+        self.assertEqual(grids["replay"], grids["received"])
+        place = (self.dir / "replay" / "map.toml").read_text()
+        self.assertIn("F\u00f6rde", place)
+        self.assertRegex(place, r"origin_mm = \[-16000, -16000, 4000\]")
 
     def test_nobody_else_and_nothing_twice(self):
         self.connect()

@@ -74,7 +74,8 @@ export class Overlay {
     c.globalAlpha = 1;
   }
 
-  /** The beam of now, or a fan's edges with what is between them; down to the bottom; the cells that changed last. */
+  /** The beam of now, or a fan's edges with what is between them; of a vehicle that says none, lines to the cells that
+   * changed last; down to the bottom. */
   #beam({ vehicle, fresh }) {
     const c = this.context;
     const from = this.scene.project(vehicle);
@@ -92,7 +93,7 @@ export class Overlay {
       this.#stroke(2, this.vehicleColour);
     }
     c.beginPath();
-    for (const place of fresh) {
+    for (const place of ends.length ? [] : fresh) {
       const to = this.scene.project(place);
       if (!to) continue;
       c.moveTo(from.x, from.y);
