@@ -42,7 +42,8 @@ void add_receive_command(CLI::App* app, CommandRun* run) {
       ->type_name("S")
       ->check(CLI::Range(0.01, 1e6));
   command->add_option("--survey", options->survey_id, "Take this survey only, by its id")
-      ->type_name("N");
+      ->type_name("N")
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{9'007'199'254'740'991}));
   command
       ->add_option("--compare-log", options->log_path,
                    "At the end: the vehicle's log, whose map must be this one (else exit 5)")

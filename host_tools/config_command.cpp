@@ -1,11 +1,10 @@
 #include "host_tools/config_command.hpp"
 
 #include <filesystem>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 
 #include "firmware/config/block_file.hpp"
+#include "firmware/config/input_file.hpp"
 #include "firmware/config/migrate.hpp"
 #include "firmware/config/toml_reader.hpp"
 #include "firmware/config/vehicle_file.hpp"
@@ -15,19 +14,6 @@
 
 namespace leadline::host {
 namespace {
-
-std::string read_bytes(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::error_code error;
-  std::string bytes;
-  if (file && !std::filesystem::is_directory(path, error)) {
-    bytes.assign(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
-  }
-  if (bytes.empty()) {
-    throw HostError(ExitCode::kInput, path + ": cannot be read, or is empty");
-  }
-  return bytes;
-}
 
 /// Proves that a vehicle takes it: throws what the vehicle refuses.
 void try_vehicle(const firmware::VehicleConfig& config, const firmware::TableBlock* tables,
@@ -68,13 +54,13 @@ int run_config_compile(const ConfigOptions& options) {
 }
 
 int run_config_show(const ConfigOptions& options) {
-  const BlockFile file = parse_block(read_bytes(options.path), options.path);
+  const BlockFile file = parse_block(read_input(options.path), options.path);
   std::cout << (options.json ? block_to_json(file) : block_to_text(file));
   return static_cast<int>(ExitCode::kOk);
 }
 
 int run_config_migrate(const ConfigOptions& options) {
-  const std::string bytes = read_bytes(options.path);
+  const std::string bytes = read_input(options.path);
   if (is_block(bytes)) {
     const std::string out = migrated_block(bytes, options.path);
     write_file_whole(options.out_path, out);

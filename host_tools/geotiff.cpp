@@ -22,6 +22,7 @@
 #include <ogr_srs_api.h>
 #include <unistd.h>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/gdal_support.hpp"
 #include "host_tools/text.hpp"
@@ -373,10 +374,7 @@ GeoTiffContent read_geotiff(const std::string& path) {
 }
 
 Raster read_raster(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    throw HostError(ExitCode::kInput, path + ": cannot be opened");
-  }
+  std::ifstream file = open_input(path);
   char head[6] = {};
   file.read(head, sizeof head - 1);
   const std::string start = lower_ascii(std::string(head));

@@ -102,7 +102,9 @@ void read_sonar(TomlReader* reader, const std::string& base_dir, MapConfig* conf
   }
   section.read_number("sigma_pointing_deg", {0, 45}, &sonar.sigma_pointing_deg);
   section.read_number("sigma_range_mm", {0, 1e6}, &sonar.sigma_range_mm);
-  read_sonar_ranges(reader, config->grid, &sonar);
+  constexpr double kAir_mm_s = 200'000;
+  constexpr double kSteel_mm_s = 6'000'000;
+  read_sonar_ranges(reader, config->grid, {kAir_mm_s, kSteel_mm_s}, &sonar);
   section.read_number("detection_fraction", {0, 1, true, true}, &sonar.detection_fraction);
 }
 

@@ -1,14 +1,11 @@
 #include "host_tools/model_file.hpp"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <utility>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/table/table_io.hpp"
 #include "host_tools/text.hpp"
@@ -149,16 +146,7 @@ SavedModel load_model_file(const std::string& path) {
   const std::string file_path = std::filesystem::is_directory(path, ignored)
                                     ? (std::filesystem::path(path) / "model.llm").string()
                                     : path;
-  errno = 0;
-  std::ifstream file(file_path, std::ios::binary);
-  std::string bytes;
-  if (file) {
-    bytes.assign(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
-  }
-  if (!file || file.bad()) {
-    fail(file_path, std::string("cannot read: ") + std::strerror(errno != 0 ? errno : EIO));
-  }
-  return parse_model_file(bytes, file_path);
+  return parse_model_file(read_input(file_path), file_path);
 }
 
 double voxel_signal(const model::Voxel& voxel) {

@@ -4,11 +4,10 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <optional>
-#include <sstream>
 #include <system_error>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/text.hpp"
@@ -267,19 +266,7 @@ Raster parse_esri_ascii(std::string_view text, const std::string& name) {
   return raster;
 }
 
-Raster read_esri_ascii(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    throw HostError(ExitCode::kInput, path + ": cannot be opened");
-  }
-  std::ostringstream text;
-  text << file.rdbuf();
-  // An empty file sets failbit on `text`; a folder or a bad disk sets badbit on `file`.
-  if (file.bad()) {
-    throw HostError(ExitCode::kInput, path + ": cannot be read");
-  }
-  return parse_esri_ascii(text.str(), path);
-}
+Raster read_esri_ascii(const std::string& path) { return parse_esri_ascii(read_input(path), path); }
 
 std::string format_esri_ascii(const Raster& raster, int decimals) {
   decimals = std::clamp(decimals, 0, 9);

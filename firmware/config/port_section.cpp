@@ -397,7 +397,7 @@ bool read_uri(const TomlSection& section, hal::UriSpec* spec) {
   }
   hal::UriResult result = hal::parse_uri(text);
   if (!result.ok()) {
-    section.find("uri", "uri = " + printable(result.error, 400));
+    section.find("uri", "uri = " + result.error);
     return false;
   }
   *spec = std::move(result.spec);

@@ -155,7 +155,8 @@ GridConfig read_grid(TomlReader* reader) {
   return grid;
 }
 
-void read_sonar_ranges(TomlReader* reader, const GridConfig& grid, SonarRanges* ranges) {
+void read_sonar_ranges(TomlReader* reader, const GridConfig& grid, const Limits& sound_speed_mm_s,
+                       SonarRanges* ranges) {
   const TomlSection section = reader->section("sonar");
   constexpr auto kRange_mm = static_cast<double>(base::kMaxRange_um / 1000);
   section.read_integer("min_range_mm", {0, kRange_mm}, &ranges->min_range_mm);
@@ -181,11 +182,12 @@ void read_sonar_ranges(TomlReader* reader, const GridConfig& grid, SonarRanges* 
     }
   }
   if (ranges->no_return == NoReturn::kEmpty && !section.has("detect_range_mm")) {
-    section.find("no_return",
-                 "no_return = empty: needs detect_range_mm, the range up to which a target would "
-                 "have been heard");
+    section.find(
+        "no_return",
+        "no_return = \"empty\": needs detect_range_mm, the range up to which a target would "
+        "have been heard");
   }
-  section.read_integer("sound_speed_mm_s", {200'000, 6'000'000}, &ranges->sound_speed_mm_s);
+  section.read_integer("sound_speed_mm_s", sound_speed_mm_s, &ranges->sound_speed_mm_s);
 }
 
 void read_navigation_sigmas(TomlReader* reader, NavigationSigmas* navigation) {

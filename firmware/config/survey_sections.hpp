@@ -46,7 +46,7 @@ struct SonarRanges {
   /// Up to where a target would have been heard: required with no_return = "empty";
   /// 1 .. max_range_mm.
   std::optional<std::int64_t> detect_range_mm;
-  std::int64_t sound_speed_mm_s = 1'500'000;  ///< 200,000 .. 6,000,000 (air .. steel)
+  std::int64_t sound_speed_mm_s = 1'500'000;  ///< of the head's own reckoning
 };
 
 /// [navigation], what the model asks of it: one standard deviation of a Gaussian, per axis north, east,
@@ -84,7 +84,9 @@ struct FrameConfig {
 
 /// Each reads its table; what is wrong becomes a finding of the reader.
 [[nodiscard]] GridConfig read_grid(TomlReader* reader);
-void read_sonar_ranges(TomlReader* reader, const GridConfig& grid, SonarRanges* ranges);
+/// `sound_speed_mm_s`: what may be given.
+void read_sonar_ranges(TomlReader* reader, const GridConfig& grid, const Limits& sound_speed_mm_s,
+                       SonarRanges* ranges);
 void read_navigation_sigmas(TomlReader* reader, NavigationSigmas* navigation);
 [[nodiscard]] ModelConfig read_model(TomlReader* reader);
 [[nodiscard]] FrameConfig read_frame(TomlReader* reader);

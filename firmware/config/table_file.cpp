@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "firmware/config/exit_codes.hpp"
+#include "firmware/config/input_file.hpp"
 #include "model/base/status.hpp"
 
 namespace leadline::host {
@@ -23,16 +24,13 @@ std::string hex(std::uint32_t value) {
 }  // namespace
 
 LocalizationTable load_table(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string bytes;
-  if (file) {
-    // One byte more than a table has tells a file that is too long, whatever its size claims to be.
-    bytes.resize(sizeof(LocalizationTable) + 1);
-    file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    bytes.resize(static_cast<std::size_t>(file.gcount()));
-  }
-  if (bytes.empty() && !file.eof()) {
-    throw HostError(ExitCode::kInput, path + ": cannot read the localization table");
+  std::ifstream file = open_input(path);
+  // One byte more than a table has tells a file that is too long, whatever its size claims to be.
+  std::string bytes(sizeof(LocalizationTable) + 1, '\0');
+  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  if (file.bad()) {
+    throw HostError(ExitCode::kInput, path + ": cannot be read to its end");
   }
   return parse_table(bytes, path);
 }

@@ -4,12 +4,11 @@
 #include <cmath>
 #include <cstdlib>
 #include <ctime>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <vector>
 
 #include "firmware/config/exit_codes.hpp"
+#include "firmware/config/input_file.hpp"
 #include "firmware/pipeline/water_level.hpp"
 
 namespace leadline::host {
@@ -104,12 +103,8 @@ void load_tide(VehicleFile* file, std::int64_t utc_less_vehicle_us, std::int64_t
   if (file->tide_path.empty()) {
     return;
   }
-  std::ifstream stream(file->tide_path);
-  const std::string text((std::istreambuf_iterator<char>(stream)), {});
-  if (!stream) {
-    throw HostError(ExitCode::kInput, file->tide_path + ": cannot read the tide");
-  }
-  parse_tide(text, file->tide_path, utc_less_vehicle_us, now_us, &file->config.water);
+  parse_tide(read_input(file->tide_path), file->tide_path, utc_less_vehicle_us, now_us,
+             &file->config.water);
 }
 
 }  // namespace leadline::host

@@ -1,17 +1,14 @@
 #include "firmware/config/toml_reader.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <sstream>
 #include <utility>
 
 #include "firmware/config/exit_codes.hpp"
+#include "firmware/config/input_file.hpp"
 #include "firmware/config/text.hpp"
 
 // toml++ 3.3 asserts on some malformed input ("[[[" is one) before it would report it: an abort in a
@@ -85,7 +82,7 @@ std::size_t line_of_escaped_tilde(std::string_view text) {
 
 std::string value_text(const toml::node& node) {
   if (const auto* const text = node.as_string()) {
-    return printable(from_ascii(text->get()), 60);
+    return "\"" + printable(from_ascii(text->get()), 60) + "\"";
   }
   if (const auto* const decimal = node.as_floating_point()) {
     const double value = decimal->get();
@@ -342,7 +339,9 @@ bool TomlSection::read_text(const char* key, std::size_t max_bytes, std::string*
   const auto* const string = as_node(node)->as_string();
   const std::string text = string != nullptr ? from_ascii(string->get()) : "\n";
   if (text.size() > max_bytes || has_control_characters(text)) {
-    refuse_node(node, key, "has to be a text of at most " + std::to_string(max_bytes) + " bytes");
+    refuse_node(node, key,
+                "has to be a text of at most " + std::to_string(max_bytes) +
+                    " bytes, without control characters");
     return false;
   }
   *value = text;
@@ -496,23 +495,7 @@ std::string TomlReader::hint_for(const KnownTable& known, const std::string& nam
 
 // ---- Files --------------------------------------------------------------------------------------
 
-std::string read_config_text(const std::string& path) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) {
-    throw HostError(ExitCode::kUsage, path + ": is a directory, a TOML file is needed");
-  }
-  errno = 0;
-  std::ifstream file(path, std::ios::binary);
-  std::string text;
-  if (file) {
-    text.assign(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
-  }
-  if (!file || file.bad()) {
-    throw HostError(ExitCode::kUsage,
-                    path + ": cannot read: " + std::strerror(errno != 0 ? errno : EIO));
-  }
-  return text;
-}
+std::string read_config_text(const std::string& path) { return read_input(path, ExitCode::kUsage); }
 
 std::string entries_to_toml(const std::vector<ConfigEntry>& entries) {
   std::string text;

@@ -102,15 +102,6 @@ void read_survey(TomlReader* reader, VehicleFile* file) {
   name.copy(file->config.survey_name, firmware::kMaxConfigText_bytes);
 }
 
-/// The limits of the codecs are tighter than map.toml's: water only.
-void check_sound_speed(TomlReader* reader, const SonarRanges& ranges) {
-  const TomlSection section = reader->section("sonar");
-  if (section.has("sound_speed_mm_s") &&
-      !Limits(1'300'000, 1'700'000).contain(static_cast<double>(ranges.sound_speed_mm_s))) {
-    section.refuse("sound_speed_mm_s", "has to be 1300000 to 1700000: heads work in water");
-  }
-}
-
 /// How many of a [[table]] there are; too many and none are findings.
 bool check_count(TomlReader* reader, const char* name, std::size_t count, int most) {
   if (count > static_cast<std::size_t>(most)) {
@@ -307,6 +298,19 @@ void read_mounts(TomlReader* reader, const std::string& base_dir, VehicleFile* f
   file->config.table_count = static_cast<std::uint16_t>(file->table_paths.size());
 }
 
+/// Two that read one serial line would each get a part of its bytes.
+void check_own_line(const TomlSection& section, const hal::UriSpec& uri,
+                    const std::vector<hal::UriSpec>& ports) {
+  for (std::size_t k = 0; k < ports.size(); ++k) {
+    if (uri.scheme == hal::UriScheme::kSerial && ports[k].scheme == hal::UriScheme::kSerial &&
+        uri.path == ports[k].path) {
+      section.refuse("uri", "port " + std::to_string(k) +
+                                " is on this line already: one port for all that it says");
+      return;
+    }
+  }
+}
+
 void read_ports(TomlReader* reader, VehicleFile* file) {
   const std::vector<TomlSection> sections = reader->sections("port");
   if (!check_count(reader, "port", sections.size(), firmware::kMaxPorts)) {
@@ -321,6 +325,7 @@ void read_ports(TomlReader* reader, VehicleFile* file) {
       section.find_missing("its mount \"" + printable(file->mount_names[mount]) +
                            "\" has no table: the beam, made by `leadline table`");
     }
+    check_own_line(section, port.uri, file->port_uris);
     file->config.ports[file->port_uris.size()] = port.config;
     file->port_uris.push_back(std::move(port.uri));
     file->port_optional.push_back(port.optional);
@@ -338,6 +343,7 @@ void read_link(TomlReader* reader, VehicleFile* file) {
     return;
   }
   read_uri(section, &file->link_uri);
+  check_own_line(section, file->link_uri, file->port_uris);
   section.read_bool("optional", &file->link_optional);
   read_whole(section, "rate_bytes_s", {10, 125'000'000}, &link.rate_bytes_s);
   std::int64_t baud = 0;
@@ -581,8 +587,8 @@ VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
   reader.read_schema_version(kVehicleSchemaVersion);
   read_survey(&reader, &file);
   file.grid = read_grid(&reader);
-  read_sonar_ranges(&reader, file.grid, &file.ranges);
-  check_sound_speed(&reader, file.ranges);
+  // Of water, as the codecs have it.
+  read_sonar_ranges(&reader, file.grid, {1'300'000, 1'700'000}, &file.ranges);
   read_sound_speeds(&reader, &file);
   read_navigation(&reader, base_dir, &file);
   file.model = read_model(&reader);

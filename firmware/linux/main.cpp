@@ -97,7 +97,7 @@ void add_options(CLI::App* app, Options* options) {
 leadline::hal::UriSpec uri_of(const std::string& option, const std::string& text) {
   leadline::hal::UriResult result = leadline::hal::parse_uri(text);
   if (!result.ok()) {
-    throw HostError(ExitCode::kUsage, option + ": " + leadline::host::printable(result.error, 400));
+    throw HostError(ExitCode::kUsage, option + ": " + result.error);
   }
   return result.spec;
 }

@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/map_output.hpp"
 #include "host_tools/store/survey_store.hpp"
@@ -60,15 +61,21 @@ void take_configured_names(const std::string& path, GeoReference* reference) {
   }
 }
 
-/// A log starts with a frame, hence with a zero byte: no raster does.
+/// A log starts with a frame, hence with a zero byte: no raster does. One whose beginning is lost, or that is
+/// empty, has its ending left.
 bool is_log(const std::string& path) {
+  constexpr std::string_view kEnding = ".lll";
+  if (path.size() > kEnding.size() &&
+      path.compare(path.size() - kEnding.size(), kEnding.size(), kEnding) == 0) {
+    return true;
+  }
   std::ifstream file(path, std::ios::binary);
   char first = 1;
   return file.read(&first, 1) && first == static_cast<char>(proto::kDelimiter);
 }
 
 MapSource load_log(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
+  std::ifstream file = open_input(path);
   Receiver receiver;
   std::vector<char> buffer(65536);
   while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
@@ -77,7 +84,7 @@ MapSource load_log(const std::string& path) {
                   static_cast<std::size_t>(file.gcount()));
   }
   if (file.bad()) {
-    throw HostError(ExitCode::kInput, path + ": cannot be read");
+    throw HostError(ExitCode::kInput, path + ": cannot be read to its end");
   }
   const TileStore* const store = receiver.store();
   if (store == nullptr || store->known_cells() == 0) {
@@ -187,9 +194,7 @@ MapSource load_map_source(const std::string& path) {
   if (is_store_path(path)) {
     return load_store(path);
   }
-  if (!fs::exists(path, ignored)) {
-    throw HostError(ExitCode::kInput, path + ": cannot be opened");
-  }
+  (void)open_input(path);  // throws the reason; GDAL would say that it is no raster
   return is_log(path) ? load_log(path) : load_file(path);
 }
 

@@ -1,10 +1,10 @@
 #include "host_tools/import/byte_source.hpp"
 
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 #include <iostream>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 
 namespace leadline::host {
@@ -21,15 +21,8 @@ ByteSource::ByteSource(const std::string& path) : name_(path) {
     return;
   }
   path_ = path;
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) {
-    throw HostError(ExitCode::kInput, path + ": is a folder");
-  }
-  owned_ = std::make_unique<std::ifstream>(path, std::ios::binary);
+  owned_ = std::make_unique<std::ifstream>(open_input(path));
   stream_ = owned_.get();
-  if (!*stream_) {
-    throw HostError(ExitCode::kInput, path + ": cannot be opened");
-  }
 }
 
 ByteSource::ByteSource(const std::uint8_t* data, std::size_t size) : buffer_(data, data + size) {}

@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <fstream>
-#include <iterator>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/import/calendar.hpp"
 #include "host_tools/ping_csv.hpp"
@@ -179,11 +178,7 @@ bool parse_dms(std::string_view text, std::int64_t* angle_e9deg) {
 }
 
 SurveyLine read_sontek_line(const std::string& path, std::string* notice) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    throw HostError(ExitCode::kInput, path + ": cannot be opened");
-  }
-  const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  const std::string text = read_input(path);
   SurveyLine line;
   line.name = path;
   std::array<std::size_t, kColumnCount> column_of{};

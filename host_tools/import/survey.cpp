@@ -6,6 +6,7 @@
 #include <map>
 
 #include "estimator/pose_history.hpp"
+#include "firmware/config/input_file.hpp"
 #include "hal/heads/r2sonic.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/import/pd0_line.hpp"
@@ -457,10 +458,7 @@ SignCheck check_signs(const std::vector<SurveyLine>& lines, const estimator::Loc
 }
 
 estimator::SoundSpeedProfile read_sound_speed_profile(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) {
-    throw HostError(ExitCode::kInput, path + ": cannot be opened");
-  }
+  std::ifstream file = open_input(path);
   std::vector<estimator::SoundSpeedPoint> points;
   std::string text;
   for (std::uint64_t line = 1; std::getline(file, text); ++line) {

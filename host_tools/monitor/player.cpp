@@ -1,8 +1,8 @@
 #include "host_tools/monitor/player.hpp"
 
 #include <algorithm>
-#include <filesystem>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "proto/framing.hpp"
 #include "proto/log.hpp"
@@ -97,11 +97,7 @@ class Player::Indexer {
 };
 
 Player::Player(const std::string& path, double speed)
-    : path_(path), file_(path, std::ios::binary), buffer_(kMaxPiece_bytes) {
-  std::error_code error;
-  if (!file_ || std::filesystem::is_directory(path, error)) {
-    throw HostError(ExitCode::kInput, path + ": cannot be read");
-  }
+    : path_(path), file_(open_input(path)), buffer_(kMaxPiece_bytes) {
   Indexer indexer(&pieces_);
   for (;;) {
     file_.read(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <cstdint>
 #include <fstream>
-#include <iterator>
 #include <system_error>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/table/table_math.hpp"
 #include "host_tools/text.hpp"
@@ -159,19 +159,15 @@ std::vector<PatternRow> parse_pattern(std::string_view text, const std::string& 
 }
 
 std::vector<PatternRow> load_pattern(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text;
-  if (file) {
-    // One byte more than allowed tells a file that is too long, whatever its size claims to be.
-    text.resize(kMaxPatternFile_bytes + 1);
-    file.read(text.data(), static_cast<std::streamsize>(text.size()));
-    text.resize(static_cast<std::size_t>(file.gcount()));
-  }
+  std::ifstream file = open_input(path, ExitCode::kUsage);
+  // One byte more than allowed tells a file that is too long, whatever its size claims to be.
+  std::string text(kMaxPatternFile_bytes + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
   if (!file.eof() || file.bad()) {
-    const bool too_long = text.size() > kMaxPatternFile_bytes;
     throw HostError(ExitCode::kUsage, path + ": " +
-                                          (too_long ? "pattern file longer than 4 MiB"
-                                                    : "cannot read the beam's pattern file"));
+                                          (file.bad() ? "cannot be read to its end"
+                                                      : "pattern file longer than 4 MiB"));
   }
   return parse_pattern(text, path);
 }

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "firmware/config/input_file.hpp"
 #include "host_tools/exit_codes.hpp"
 
 namespace leadline::host {
@@ -20,13 +21,10 @@ constexpr std::size_t kBuffer_bytes = 65536;
 
 FlightLog::FlightLog(const std::string& path)
     : path_(path),
-      file_(path, std::ios::binary),
+      file_(open_input(path)),
       buffer_(kBuffer_bytes),
       player_(std::make_unique<firmware::LogPlayer>()) {
   std::error_code error;
-  if (!file_ || std::filesystem::is_directory(path, error)) {
-    refuse_file(path, "cannot be read");
-  }
   size_bytes_ = std::filesystem::file_size(path, error);
   if (error) {
     size_bytes_ = 0;  // a pipe: length not known

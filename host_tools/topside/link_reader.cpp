@@ -1,5 +1,8 @@
 #include "host_tools/topside/link_reader.hpp"
 
+#include <cerrno>
+#include <cstring>
+
 #include <poll.h>
 #include <unistd.h>
 
@@ -22,17 +25,17 @@ LinkReader::LinkReader(const std::string& uri, const std::string& command)
     throw HostError(ExitCode::kUsage, command + ": --link: " + parsed.error);
   }
   is_file_ = parsed.spec.scheme == hal::UriScheme::kFile;
-  const std::string problem =
-      is_file_ ? "" : hal::device_problem(parsed.spec, hal::FileUse::kRead, true);
+  const std::string problem = hal::device_problem(parsed.spec, hal::FileUse::kRead, !is_file_);
   if (!problem.empty()) {
     throw HostError(ExitCode::kInput, command + ": --link: " + problem);
   }
   if (is_file_ && access(parsed.spec.path.c_str(), R_OK) != 0) {
-    throw HostError(ExitCode::kInput, parsed.spec.path + ": cannot be read");
+    throw HostError(ExitCode::kInput,
+                    parsed.spec.path + ": cannot be read: " + std::strerror(errno));
   }
   hal::PortResult made = hal::make_port(parsed.spec, hal::FileUse::kRead);
   if (!made.port) {
-    throw HostError(ExitCode::kUsage, command + ": " + uri + ": " + made.error);
+    throw HostError(ExitCode::kUsage, command + ": --link: " + made.error);
   }
   port_ = std::move(made.port);
 }

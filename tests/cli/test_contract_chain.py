@@ -291,6 +291,8 @@ class Receive(Chain):
         self.expect(self.run_leadline("receive"), USAGE, "--link")
         self.expect(self.run_leadline("receive", "--link", "upd:@:9100"), USAGE, "upd")
         self.expect(self.run_leadline("receive", "--link", "file:/nowhere.bin"), INPUT, "/nowhere.bin")
+        self.expect(self.run_leadline("receive", "--link", f"file:{self.dir}"), INPUT, "is a folder")
+        self.expect(self.run_leadline("receive", "--link", "udp:@:0", "--survey", "-1"), USAGE, "--survey", "-1")
         self.expect(self.receive(b"".join(self.downlink()), "--compare-log", "/nowhere.lll"), INPUT,
                     "/nowhere.lll")
         self.assertTrue((self.out / "depth.tif").exists(), "a wrong log cost the map")
@@ -360,6 +362,13 @@ class Export(Chain):
                                              "--out", "-"), OK)
         self.assertIn("not georeferenced", done.stdout)
         self.assertLess(float(done.stdout.splitlines()[-1].split()[2]), -10)
+
+    def test_what_is_left_of_a_log(self):
+        """One whose beginning is lost still holds hellos and tiles; an empty one says that it has no map."""
+        rest = self.write("rest.lll", self.log[20000:])
+        self.expect(self.run_leadline("export", rest, "--out", self.dir / "rest.tif"), OK)
+        self.expect(self.run_leadline("export", self.write("empty.lll", b""), "--out", self.dir / "none.tif"),
+                    INPUT, "empty.lll: no map in it")
 
     def test_folders_of_receive_and_replay(self):
         received = self.dir / "received"

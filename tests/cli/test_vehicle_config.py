@@ -70,7 +70,7 @@ class Check(Case):
     def test_usage_errors_name_what_is_wrong(self):
         self.expect(self.run_vehicle(), USAGE, "--config is required", "--help-config")
         self.expect(self.run_vehicle("--nonsense"), USAGE, "--nonsense")
-        self.expect(self.run_vehicle("--config", self.dir / "no.toml"), USAGE, "no.toml", "cannot read")
+        self.expect(self.run_vehicle("--config", self.dir / "no.toml"), USAGE, "no.toml", "cannot be read: No such file")
         self.expect(self.check("--port", "2=udp:h:1"), USAGE, "--port 2=udp:h:1: has to be N=URI",
                     "N from 0 to 1")
         self.expect(self.check("--port", "udp:h:1"), USAGE, "has to be N=URI")
@@ -98,7 +98,7 @@ class Check(Case):
         table.write_bytes(good[:1000])
         self.expect(self.check(), INPUT, "beam.llt: truncated: 1000 of 25832 bytes")
         table.unlink()
-        self.expect(self.check(), INPUT, "beam.llt: cannot read")
+        self.expect(self.check(), INPUT, "beam.llt: cannot be read: No such file")
 
     def test_a_log_that_cannot_be_made(self):
         self.expect(self.run_vehicle("--config", self.config, "--log", "/nowhere/s.lll"), OUTPUT,

@@ -216,10 +216,10 @@ TEST(files_are_written_whole_and_read_back) {
   assert_same(leadline::host::read_raster(folder + "/a.asc"), raster, 1e-9);
   const std::string missing = folder + "/none.asc";
   assert_contains(error_of(ExitCode::kInput, [&] { (void)leadline::host::read_raster(missing); }),
-                  "none.asc: cannot be opened");
+                  "none.asc: cannot be read: No such file");
   assert_contains(
       error_of(ExitCode::kInput, [&] { (void)leadline::host::read_esri_ascii(missing); }),
-      "none.asc: cannot be opened");
+      "none.asc: cannot be read: No such file");
   std::ofstream(folder + "/empty.asc").flush();
   assert_contains(
       error_of(ExitCode::kInput, [&] { (void)leadline::host::read_raster(folder + "/empty.asc"); }),

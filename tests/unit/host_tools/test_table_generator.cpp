@@ -1051,7 +1051,7 @@ TEST(patterns_that_cannot_be_meant_are_refused_by_line_and_value) {
   const std::string folder = leadline::test::scratch_directory();
   for (const std::string& path : {folder + "/missing.txt", folder}) {
     assert_contains(error_of(ExitCode::kUsage, [&] { (void)load_pattern(path); }),
-                    "cannot read the beam's pattern file");
+                    path + ": cannot be read: ");
   }
   write_text(folder + "/long.txt", std::string((4U << 20U) + 1, '#'));
   assert_contains(error_of(ExitCode::kUsage, [&] { (void)load_pattern(folder + "/long.txt"); }),
@@ -1127,7 +1127,7 @@ TEST(files_that_are_no_tables_are_refused) {
   const std::string folder = leadline::test::scratch_directory();
   for (const std::string& path : {folder + "/missing.llt", folder}) {
     assert_contains(error_of(ExitCode::kInput, [&] { (void)load_table(path); }),
-                    path + ": cannot read");
+                    path + ": cannot be read");
   }
 }
 
