@@ -10,6 +10,7 @@
 
 #include "firmware/m7/cost_file.hpp"
 #include "firmware/m7/entry_points.hpp"
+#include "firmware/m7/say.hpp"
 #include "firmware/pipeline/link_map.hpp"
 #include "hal/m7/clock.hpp"
 #include "hal/m7/semihost.hpp"
@@ -28,6 +29,7 @@ namespace proto = leadline::proto;
 using firmware::m7::CostHeader;
 using firmware::m7::CostPing;
 using firmware::m7::PreparedColumn;
+using firmware::m7::say_number;
 using leadline::hal::m7::InstructionCounter;
 using leadline::hal::m7::say;
 
@@ -44,19 +46,6 @@ CostHeader header;
 model::ModelConfig config;
 CostPing record;
 InstructionCounter counter;
-
-void say_number(const char* name, std::uint64_t value) {
-  char digits[21];
-  std::size_t at = sizeof digits - 1;
-  digits[at] = '\0';
-  do {
-    --at;
-    digits[at] = static_cast<char>('0' + value % 10U);
-    value /= 10U;
-  } while (value > 0);
-  say(name);
-  say(digits + at);
-}
 
 template <typename T>
 bool take(leadline::hal::m7::HostFile& file, T* out, std::size_t count = 1) {
@@ -156,7 +145,7 @@ void extract_and_code() {
     link_map.present(the_model, touched[i], cells);
     const proto::TileUpdate update{touched[i], link_map.next_generation(touched[i]), cells.data(),
                                    link_map.owed(touched[i], cells)};
-    proto::CellMask taken;
+    proto::CellMask taken{};
     const auto size = proto::encode_tile(update, 1, packet, sizeof packet, taken);
     if (size.ok()) {
       coded += static_cast<std::uint64_t>(link_map.sent(touched[i], cells, taken));
@@ -278,15 +267,12 @@ std::uint32_t run(const char* path) {
 }  // namespace
 
 extern "C" void leadline_main() {
+  firmware::m7::end_after_fault(kInput);
   counter.start();
-  static char words[1024];
-  const char* blank = nullptr;
-  if (leadline::hal::m7::command_line(words, sizeof words)) {
-    blank = std::strchr(words, ' ');
-  }
-  if (blank == nullptr || blank[1] == '\0') {
+  const char* const path = firmware::m7::command_argument();
+  if (path == nullptr) {
     say("cost: error: no file on the command line\n");
     leadline::hal::m7::exit(kUsage);
   }
-  leadline::hal::m7::exit(run(blank + 1));
+  leadline::hal::m7::exit(run(path));
 }

@@ -8,6 +8,7 @@ namespace {
 
 using leadline::base::TimeUs;
 using leadline::firmware::m7::board_clock;
+using leadline::firmware::m7::FaultRecord;
 
 [[gnu::section(".bss.leadline.lines")]] leadline::firmware::m7::FlightLoop loop;
 
@@ -30,12 +31,12 @@ void start_tick() {
 }  // namespace
 
 void leadline_main() {
-  using namespace leadline::firmware::m7;
-  const FaultRecord before = take_kept_state();
+  const FaultRecord before = leadline::firmware::m7::take_kept_state();
   leadline::hal::m7::start_watchdog(kWatchdog_ms);
   board_clock.start();
   start_tick();
-  const auto& block = configure_from_flash(starts());
+  const auto& block =
+      leadline::firmware::m7::configure_from_flash(leadline::firmware::m7::starts());
   loop.open(block, before);
   leadline::hal::m7::feed_watchdog();
   TimeUs next_us = board_clock.now_us();

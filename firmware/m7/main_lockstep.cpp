@@ -23,6 +23,7 @@ namespace {
 using leadline::base::Status;
 using leadline::base::TimeUs;
 using leadline::firmware::m7::board_clock;
+using leadline::firmware::m7::Decimal;
 using leadline::firmware::m7::FlightLoop;
 using leadline::firmware::m7::kLinkUart;
 using leadline::firmware::m7::lines;
@@ -54,7 +55,21 @@ static_assert(sizeof(Message) == 144, "as on the wire, on a little-endian machin
 HostFile console_in;
 HostFile console_out;
 HostFile log_file;
-char folder[512];
+const char* folder = nullptr;
+
+// A file of the folder, `name` with its stroke; it is begun anew.
+bool open_result(HostFile& file, const char* name) {
+  static char path[600];
+  const std::size_t folder_size = std::strlen(folder);
+  const std::size_t name_size = std::strlen(name) + 1;  // with its zero
+  if (folder_size + name_size > sizeof path) {
+    return false;
+  }
+  // NOLINTNEXTLINE(bugprone-not-null-terminated-result): the name follows, with its zero
+  std::memcpy(path, folder, folder_size);
+  std::memcpy(path + folder_size, name, name_size);
+  return file.open(path, OpenMode::kWriteBytes);
+}
 
 void write_log(const leadline::proto::LogWriter& writer) {
   if (!log_file.write(writer.data(), writer.size_bytes())) {
@@ -133,22 +148,15 @@ std::size_t text_size = 0;
 void add(const char* words) {
   const std::size_t size = std::strlen(words);
   if (size < sizeof text - text_size) {
+    // NOLINTNEXTLINE(bugprone-not-null-terminated-result): its size goes with it
     std::memcpy(text + text_size, words, size);
     text_size += size;
   }
 }
 
 void add_number(const char* name, std::uint64_t value) {
-  char digits[21];
-  std::size_t at = sizeof digits - 1;
-  digits[at] = '\0';
-  do {
-    --at;
-    digits[at] = static_cast<char>('0' + value % 10U);
-    value /= 10U;
-  } while (value > 0);
   add(name);
-  add(digits + at);
+  add(Decimal(value).text());
 }
 
 void add_hash(const char* name, std::uint64_t value) {
@@ -160,16 +168,6 @@ void add_hash(const char* name, std::uint64_t value) {
   add("\"0x");
   add(digits);
   add("\"");
-}
-
-bool write_file(const char* name, const char* content, std::size_t size_bytes) {
-  char path[sizeof folder + 32];
-  std::strcpy(path, folder);
-  std::strcat(path, name);
-  HostFile file;
-  const bool written = file.open(path, OpenMode::kWriteBytes) && file.write(content, size_bytes);
-  file.close();
-  return written;
 }
 
 bool write_summary(TimeUs t_us) {
@@ -187,7 +185,10 @@ bool write_summary(TimeUs t_us) {
   add_hash(", \"link_hash\": ", end.link_hash);
   add_hash(", \"cells_hash\": ", end.cells_hash);
   add("}\n");
-  return write_file("/vehicle.json", text, text_size);
+  HostFile file;
+  const bool written = open_result(file, "/vehicle.json") && file.write(text, text_size);
+  file.close();
+  return written;
 }
 
 // What waits for the link goes out: virtual time need not wait for the link's rate.
@@ -238,29 +239,17 @@ bool fly(const leadline::firmware::ConfigBlock& block) {
 }  // namespace
 
 void leadline_main() {
-  using leadline::firmware::m7::FaultRecord;
-  const FaultRecord before = leadline::firmware::m7::take_kept_state();
-  if (before.cause != leadline::firmware::m7::FaultCause::kNone) {
-    leadline::firmware::m7::say_fault(before);
-    leadline::hal::m7::exit(kInput);
-  }
-  static char words[sizeof folder];
-  const bool called = leadline::hal::m7::command_line(words, sizeof words);
-  const char* const blank = called ? std::strchr(words, ' ') : nullptr;
-  if (blank == nullptr || blank[1] == '\0') {
+  leadline::firmware::m7::end_after_fault(kInput);
+  folder = leadline::firmware::m7::command_argument();
+  if (folder == nullptr) {
     leadline::hal::m7::exit(kUsage);
   }
-  std::strcpy(folder, blank + 1);
-  char path[sizeof folder + 16];
-  std::strcpy(path, folder);
-  std::strcat(path, "/survey.lll");
   if (!console_in.open(":tt", OpenMode::kReadBytes) ||
-      !console_out.open(":tt", OpenMode::kWriteBytes) ||
-      !log_file.open(path, OpenMode::kWriteBytes)) {
+      !console_out.open(":tt", OpenMode::kWriteBytes) || !open_result(log_file, "/survey.lll")) {
     leadline::hal::m7::exit(kOutput);
   }
   board_clock.start();
   const auto& block = leadline::firmware::m7::configure_from_flash(1);
-  loop.open(block, before);
+  loop.open(block, leadline::firmware::m7::FaultRecord{});
   leadline::hal::m7::exit(fly(block) ? 0 : kInput);
 }

@@ -10,7 +10,6 @@
 #include <cstring>
 
 #include "firmware/m7/entry_points.hpp"
-#include "firmware/m7/fault_record.hpp"
 #include "firmware/m7/say.hpp"
 #include "firmware/pipeline/log_player.hpp"
 #include "firmware/pipeline/session_log.hpp"
@@ -143,20 +142,11 @@ std::uint32_t result() {
   return then != nullptr && !leadline::firmware::same_results(now, *then) ? kDiffers : kOk;
 }
 
-/// "NAME LOG": the log's path, which may have blanks in it. Null: there is none.
-const char* log_path() {
-  static char words[1024];
-  if (!leadline::hal::m7::command_line(words, sizeof words)) {
-    return nullptr;
-  }
-  const char* const blank = std::strchr(words, ' ');
-  return blank != nullptr && blank[1] != '\0' ? blank + 1 : nullptr;
-}
-
 }  // namespace
 
 // Model::integrate() by the names that the compiler gives to it and to its wrapper. A change of its parameters
 // shows: nothing would be counted, and tests/cli/test_m7_ci.sh asks for more.
+// NOLINTBEGIN(*-reserved-identifier,cert-dcl*,readability-identifier-naming): the linker makes these names
 extern "C" {
 PingResult
 __real__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEjRKNS0_12ReturnDetailE(
@@ -186,14 +176,13 @@ __wrap__ZN8leadline5model5Model9integrateERKNS_4base4PingERKNS2_4PoseEjRKNS0_12R
   return outcome;
 }
 
+}  // extern "C"
+// NOLINTEND(*-reserved-identifier,cert-dcl*,readability-identifier-naming)
+
 void leadline_main() {
-  const leadline::firmware::m7::FaultRecord before = leadline::firmware::m7::take_kept_state();
-  if (before.cause != leadline::firmware::m7::FaultCause::kNone) {
-    leadline::firmware::m7::say_fault(before);
-    leadline::hal::m7::exit(kInput);
-  }
+  leadline::firmware::m7::end_after_fault(kInput);
   counter.start();
-  const char* const path = log_path();
+  const char* const path = leadline::firmware::m7::command_argument();
   if (path == nullptr) {
     say("replay: error: no log on the command line\n");
     leadline::hal::m7::exit(kUsage);
@@ -204,5 +193,4 @@ void leadline_main() {
   }
   say_findings();
   leadline::hal::m7::exit(result());
-}
 }

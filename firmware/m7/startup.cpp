@@ -50,7 +50,8 @@ void zero(const Area& area) {
 
 extern "C" {
 
-// NOLINTNEXTLINE(bugprone-reserved-identifier): the compiler's name: nothing here ends, so nothing is destroyed
+// The compiler calls it; nothing here ends, so nothing is destroyed.
+// NOLINTNEXTLINE(*-reserved-identifier,cert-dcl*,readability-identifier-naming): its name
 int __aeabi_atexit(void* /*object*/, void (* /*destructor*/)(void*), void* /*module*/) { return 0; }
 
 void leadline_reset() {
@@ -92,43 +93,31 @@ struct Vectors {
   Handler interrupts[32];
 };
 
-constexpr Handler kFault = leadline_fault_entry;
+constexpr Vectors make_vectors() {
+  Vectors table{&leadline_stack_top, {}, {}};
+  // Whatever nobody expects is a failure.
+  for (Handler& handler : table.handlers) {
+    handler = leadline_fault_entry;
+  }
+  for (Handler& interrupt : table.interrupts) {
+    interrupt = leadline_fault_entry;
+  }
+  table.handlers[0] = leadline_reset;
+  table.handlers[14] = leadline_tick;
+  constexpr Handler kReceived[leadline::hal::m7::kUarts] = {
+      leadline_uart0_receive, leadline_uart1_receive, leadline_uart2_receive,
+      leadline_uart3_receive, leadline_uart4_receive};
+  constexpr Handler kSent[leadline::hal::m7::kUarts] = {leadline_uart0_sent, leadline_uart1_sent,
+                                                        leadline_uart2_sent, leadline_uart3_sent,
+                                                        leadline_uart4_sent};
+  for (int line = 0; line < leadline::hal::m7::kUarts; ++line) {
+    const leadline::hal::m7::UartPlace& place = leadline::hal::m7::kUartPlaces[line];
+    table.interrupts[place.rx_interrupt] = kReceived[line];
+    table.interrupts[place.tx_interrupt] = kSent[line];
+  }
+  return table;
+}
 
-[[gnu::section(".vectors"), gnu::used]] const Vectors vectors = {
-    &leadline_stack_top,
-    {leadline_reset, kFault, kFault, kFault, kFault, kFault, nullptr, nullptr, nullptr, nullptr,
-     kFault, kFault, nullptr, kFault, leadline_tick},
-    {leadline_uart0_receive,
-     leadline_uart0_sent,
-     leadline_uart1_receive,
-     leadline_uart1_sent,
-     leadline_uart2_receive,
-     leadline_uart2_sent,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     leadline_uart3_receive,
-     leadline_uart3_sent,
-     leadline_uart4_receive,
-     leadline_uart4_sent,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault,
-     kFault}};
+[[gnu::section(".vectors"), gnu::used]] constexpr Vectors kVectors = make_vectors();
 
 }  // namespace

@@ -60,8 +60,7 @@ Ping1dConfig limited(Ping1dConfig config) {
 }  // namespace
 
 Ping1dCodec::Ping1dCodec(const Ping1dConfig& config)
-    : PingHead(PingSession(ping1d_table(), PingDevice::kPing1d, config.device_id)),
-      config_(limited(config)) {}
+    : PingHead(ping1d_table(), PingDevice::kPing1d, config.device_id), config_(limited(config)) {}
 
 // --- What arrives ---
 

@@ -88,7 +88,7 @@ Ping360Settings ping360_settings(std::int64_t range_um, std::int32_t sound_speed
 }
 
 Ping360Codec::Ping360Codec(const Ping360Config& config)
-    : PingHead(PingSession(ping360_table(), PingDevice::kPing360, config.device_id)),
+    : PingHead(ping360_table(), PingDevice::kPing360, config.device_id),
       config_(limited(config)),
       settings_(
           ping360_settings(config_.max_range_um, config_.sound_speed_mm_s, config_.max_samples)),

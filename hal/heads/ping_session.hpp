@@ -138,7 +138,9 @@ class PingHead {
 
  private:
   friend Codec;
-  explicit PingHead(const PingSession& session) : session_(session) {}
+  /// In place: a session of its own to copy from is kilobytes of stack.
+  PingHead(PingTable table, PingDevice device, std::uint8_t device_id)
+      : session_(table, device, device_id) {}
 
   PingSession session_;
 };

@@ -35,8 +35,10 @@ base::TimeUs Clock::now_us() {
   return static_cast<base::TimeUs>(ticks_ / kTicks_per_us);
 }
 
+// NOLINTBEGIN(readability-convert-member-functions-to-static): whoever counts has a counter
 void InstructionCounter::start() { start_timer(kTimer0); }
 
 std::uint32_t InstructionCounter::ticks() const { return 0xFFFFFFFFU - reg(kTimer0 + kValue); }
+// NOLINTEND(readability-convert-member-functions-to-static)
 
 }  // namespace leadline::hal::m7

@@ -8,6 +8,7 @@ namespace leadline::hal::m7 {
 
 /// One 32-bit register.
 inline volatile std::uint32_t& reg(std::uint32_t address) {
+  // NOLINTNEXTLINE(performance-no-int-to-ptr): that is where it is
   return *reinterpret_cast<volatile std::uint32_t*>(address);
 }
 
@@ -64,7 +65,7 @@ class InterruptsOff {
   InterruptsOff& operator=(const InterruptsOff&) = delete;
 
  private:
-  std::uint32_t before_;
+  std::uint32_t before_ = 0;
 };
 
 }  // namespace leadline::hal::m7

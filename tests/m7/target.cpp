@@ -6,7 +6,7 @@
 #include <string>
 
 #include "firmware/m7/entry_points.hpp"
-#include "firmware/m7/fault_record.hpp"
+#include "firmware/m7/say.hpp"
 #include "hal/m7/semihost.hpp"
 #include "tests/support/test.hpp"
 
@@ -66,15 +66,8 @@ void* _sbrk(std::ptrdiff_t size) {
 [[noreturn]] void _exit(int status) { leadline::hal::m7::exit(static_cast<std::uint32_t>(status)); }
 
 void leadline_main() {
-  const leadline::firmware::m7::FaultRecord before = leadline::firmware::m7::take_kept_state();
+  leadline::firmware::m7::end_after_fault(99);
   initialise_monitor_handles();
-  if (before.cause != leadline::firmware::m7::FaultCause::kNone) {
-    std::printf("a fault: cause %u pc 0x%08x lr 0x%08x sp 0x%08x status 0x%08x address 0x%08x\n",
-                static_cast<unsigned>(before.cause), before.pc, before.lr, before.sp,
-                before.fault_status, before.address);
-    (void)std::fflush(stdout);
-    leadline::hal::m7::exit(99);
-  }
   static char name[256] = "test";
   (void)leadline::hal::m7::command_line(name, sizeof name);
   char* arguments[] = {name, nullptr};
