@@ -204,6 +204,18 @@ std::vector<std::array<std::int32_t, 3>> triangles(const Raster& raster,
   return faces;
 }
 
+/// What went into the file, for who asked for it.
+std::string content_text(const MapSource& source, const ExportPlan& plan) {
+  if (plan.layer == ExportLayer::kSigma) {
+    return std::to_string(source.sigma->known_count()) +
+           " cells, one standard deviation of the depth in metres";
+  }
+  const std::string what = plan.layer == ExportLayer::kVoxels
+                               ? "centres of the occupied voxels"
+                               : std::to_string(source.elevation.known_count()) + " cells";
+  return what + ", " + sign_text(plan.sign) + ", vertical datum " + datum_text(plan.reference);
+}
+
 }  // namespace
 
 [[noreturn]] void export_usage_error(const std::string& message) {
@@ -455,8 +467,7 @@ int run_export(const ExportOptions& options) {
       break;
   }
   if (options.out_path != "-") {
-    std::cout << options.out_path << ": " << source.elevation.known_count() << " cells, "
-              << sign_text(plan.sign) << ", vertical datum " << datum_text(plan.reference) << "; "
+    std::cout << options.out_path << ": " << content_text(source, plan) << "; "
               << coordinates_text(source, plan) << "\n";
   }
   return static_cast<int>(ExitCode::kOk);

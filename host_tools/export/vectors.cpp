@@ -236,7 +236,7 @@ std::string format_kml(const MapSource& source, const ExportPlan& plan) {
       "<kml xmlns=\"http://www.opengis.net/kml/2.2\">\n<Document>\n<name>" +
       xml_text(origin_text(source, plan)) + "</name>\n<description>" +
       xml_text(std::string(sign_text(plan.sign)) + ", vertical datum: " +
-               datum_text(plan.reference) + ", from " + coordinates_text(source, plan)) +
+               datum_text(plan.reference) + "; " + coordinates_text(source, plan)) +
       "</description>\n"
       "<Style "
       "id=\"contour\"><LineStyle><color>ffb06020</color><width>1.5</width></LineStyle></Style>\n"

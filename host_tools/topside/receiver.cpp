@@ -199,9 +199,12 @@ void Receiver::take_hello(const proto::FrameView& frame) {
                                        std::to_string(said.cell_mm) + " mm");
   }
   if (said.schema_hash != proto::schema_hash()) {
+    const bool older = said.protocol_minor < proto::kProtocolMinor;
     notice(proto::Severity::kInfo,
            "the vehicle speaks minor version " + std::to_string(said.protocol_minor) +
-               " of the protocol: what this program does not know of it is passed over");
+               " of the protocol, this program " + std::to_string(proto::kProtocolMinor) +
+               (older ? ": what came later is not said"
+                      : ": what this program does not know of it is passed over"));
   }
   store_ = std::make_unique<TileStore>(said);
   planner_.restart();

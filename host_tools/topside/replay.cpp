@@ -62,6 +62,20 @@ std::string result_json(const ReplayResult& result) {
   return text + "\n}\n";
 }
 
+/// What may be the reason that a replay is not the flight; "" where nothing in the log tells one.
+std::string difference_text(const ReplayResult& result, const proto::LogHeader& header) {
+  if (!result.log.complete()) {
+    return " (the log has gaps, see above)";
+  }
+  if (header.protocol_minor == proto::kProtocolMinor) {
+    return "";
+  }
+  return " (by a program of protocol " + std::to_string(header.protocol_major) + "." +
+         std::to_string(header.protocol_minor) + ", this one speaks " +
+         std::to_string(proto::kProtocolMajor) + "." + std::to_string(proto::kProtocolMinor) +
+         (result.now.map_hash == result.then->map_hash ? ": the map is the same)" : ")");
+}
+
 void write_results(const ReplayOptions& options, firmware::Vehicle* vehicle,
                    const Soundings& soundings, const ReplayResult& result) {
   OutputDir output(options.out_dir);
@@ -128,7 +142,7 @@ int run_replay(const ReplayOptions& options) {
   }
   if (result.then && !result.same()) {
     std::cerr << "leadline: error: the flight ended with " << hashes_text(*result.then)
-              << (result.log.complete() ? "" : " (the log has gaps, see above)") << "\n";
+              << difference_text(result, log.header()) << "\n";
     return static_cast<int>(ExitCode::kComparisonFailed);
   }
   return static_cast<int>(ExitCode::kOk);

@@ -380,8 +380,13 @@ class Export(Chain):
             done = self.expect(self.run_leadline("export", folder, "--format", "xyz162", "--out", "-"),
                                OK)
             self.assertIn("# longitude latitude", done.stdout)
-        self.expect(self.run_leadline("export", replayed, "--layer", "voxels", "--out",
-                                      self.dir / "v.ply"), OK)
+        done = self.expect(self.run_leadline("export", replayed, "--layer", "voxels", "--out",
+                                             self.dir / "v.ply"), OK)
+        self.assertIn("occupied voxels, elevation in metres, positive up", done.stdout)
+        done = self.expect(self.run_leadline("export", received, "--layer", "sigma", "--out",
+                                             self.dir / "s.asc"), OK)
+        self.assertIn("one standard deviation", done.stdout)
+        self.assertNotIn("elevation", done.stdout)
         self.expect(self.run_leadline("export", received, "--layer", "voxels", "--out",
                                       self.dir / "v.ply"), INPUT, "model.llm")
 
