@@ -67,7 +67,12 @@ replay_one() {
   }
   # QEMU takes a comma for the end of an option; doubled it is one.
   path=$(realpath "$log")
-  m7_run "$images/leadline-m7-replay.elf" "arg=replay,arg=${path//,/,,}"
+  m7_run "$images/leadline-m7-replay.elf" "arg=replay,arg=${path//,/,,}" | while IFS= read -r line; do
+    case $line in
+      map_hash=*) printf '%s\n' "$line" ;;
+      *) printf '%s: %s\n' "$log" "$line" >&2 ;;
+    esac
+  done
 }
 
 # CMocka's one file is compiled with the tests: Debian's source package, by a private apt state, so that nothing

@@ -28,6 +28,7 @@ NEEDS = {
     "aarch64": ["aarch64-linux-gnu-g++", "qemu-aarch64-static"],
     "armhf": ["arm-linux-gnueabihf-g++", "qemu-arm-static"],
     "cortex-m7": ["arm-none-eabi-g++", "qemu-system-arm"],
+    "armhf-v7a": ["arm-linux-gnueabihf-g++", "qemu-arm-static"],
     "gcc-O3-native": [],
     "clang-O0": ["clang++-14"],
 }

@@ -28,7 +28,7 @@ TARGETS = {
     "": ("g++", ["-O3", "-march=haswell"] if os.uname().machine == "x86_64" else [],
          [BUILD.name, "replay-gcc-O3-native", "replay-clang", "replay-scalar"]),
     "aarch64-linux-gnu-": ("aarch64-linux-gnu-g++", [], ["aarch64", "replay-aarch64"]),
-    "arm-linux-gnueabihf-": ("arm-linux-gnueabihf-g++", ["-mfpu=neon-vfpv4"], ["armhf", "replay-armhf"]),
+    "arm-linux-gnueabihf-": ("arm-linux-gnueabihf-g++", ["-mfpu=neon-vfpv4"], ["armhf", "replay-armhf", "replay-armhf-v7a"]),
     "arm-none-eabi-": ("arm-none-eabi-g++", ["-mcpu=cortex-m7", "-mfpu=fpv5-sp-d16", "-mfloat-abi=hard",
                                              "-fno-math-errno"], ["cortex-m7", "stm32h743"]),
 }
