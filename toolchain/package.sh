@@ -2,10 +2,11 @@
 # Makes the Debian packages, and tries them.
 #
 # usage: toolchain/package.sh [--arch amd64|arm64|armhf] [--try]
-#   --arch   amd64 (default): leadline-vehicle and leadline; arm64, armhf: leadline-vehicle
+#   --arch   amd64 (default), arm64: leadline-vehicle and leadline; armhf: leadline-vehicle
 #   --try    amd64: installs both in a Debian system of their own (debootstrap), where the vehicle maps an emulated survey
-#            and stops in order; needs root. arm64, armhf: unpacks the package and what it depends on, nothing else, and
-#            runs the vehicle there, under QEMU
+#            and stops in order, the unit and the rules are checked by systemd's own tools, and upgrade, removal and purge
+#            leave and take what they should; needs root. arm64, armhf: unpacks the packages and what they depend on,
+#            nothing else, and runs the programs there, under QEMU
 #
 # Leaves them in build/<preset>/packages. Installs and builds what it needs.
 set -euo pipefail
@@ -31,13 +32,16 @@ while [ $# -gt 0 ]; do
 done
 case $arch in
   amd64) preset=release targets=(leadline leadline-vehicle leadline-replay) setup=() ;;
-  arm64) preset=aarch64 emulator=qemu-aarch64-static targets=(leadline-vehicle leadline-replay) setup=(--cross) ;;
+  arm64) preset=package-arm64 emulator=qemu-aarch64-static targets=(leadline leadline-vehicle leadline-replay) setup=(--cross) ;;
   armhf) preset=armhf emulator=qemu-arm-static targets=(leadline-vehicle leadline-replay) setup=(--cross) ;;
   *) usage_error "unknown architecture $arch" ;;
 esac
 [ $try -eq 0 ] || setup+=(--packages)
 "$root/toolchain/setup.sh" "${setup[@]}"
-[ "$arch" = amd64 ] || "$root/toolchain/sysroot.sh" "$arch"
+case $arch in
+  arm64) "$root/toolchain/sysroot.sh" "$arch" --topside ;;
+  armhf) "$root/toolchain/sysroot.sh" "$arch" ;;
+esac
 configure_and_build "$preset" "${targets[@]}"
 packages=$root/build/$preset/packages
 rm -rf "$packages"
@@ -51,10 +55,14 @@ trap 'rm -rf "$scratch"' EXIT
 chmod 755 "$scratch"
 
 if [ "$arch" != amd64 ]; then
-  # What the package says that it needs, of this architecture, and the package.
-  dpkg-deb -f "$packages"/leadline-vehicle_*.deb Depends
-  "$root/toolchain/sysroot.sh" "$arch" --package "$packages"/leadline-vehicle_*.deb --into "$scratch/root"
-  run() { "$emulator" -L "$scratch/root" "$scratch/root/usr/bin/$@"; }
+  # What the packages say that they need, of this architecture, and the packages: each on its own, so that none lives on what
+  # another brought.
+  for deb in "$packages"/*.deb; do
+    dpkg-deb -f "$deb" Package Depends
+    "$root/toolchain/sysroot.sh" "$arch" --package "$deb" --into "$scratch/$(dpkg-deb -f "$deb" Package)"
+  done
+  run_in() { "$emulator" -L "$scratch/$1" "$scratch/$1/usr/bin/$2" "${@:3}"; }
+  run() { run_in leadline-vehicle "$@"; }
   run leadline-vehicle --version
   run leadline-vehicle --help-config | cmp - "$root/firmware/vehicle.example.toml" || die "another example"
   say "a survey that was flown here, replayed there"
@@ -65,6 +73,17 @@ if [ "$arch" != amd64 ]; then
   there=$(run leadline-replay "$scratch/survey/survey.lll")
   echo "$there"
   [ "$here" = "$there" ] || die "another result than here: $here"
+  if [ "$arch" = arm64 ]; then
+    say "and drawn there"
+    topside() { run_in leadline leadline "$@"; }
+    topside --version
+    topside replay "$scratch/survey/survey.lll" --out "$scratch/map" >/dev/null
+    "$root/build/release/host_tools/leadline" replay "$scratch/survey/survey.lll" --out "$scratch/map-here" >/dev/null
+    cmp "$scratch"/map{,-here}/depth.asc || die "another map than here"
+    topside render "$scratch/map" --out "$scratch/pictures" >/dev/null
+    topside export "$scratch/survey/survey.lll" --out "$scratch/depth.tif" >/dev/null
+    ls -l "$scratch"/pictures/depth.png "$scratch/depth.tif"
+  fi
   echo "package: $arch tried"
   exit 0
 fi
@@ -82,11 +101,19 @@ in_system sh -c 'apt-get install -y --no-install-recommends /tmp/*.deb' >"$scrat
 in_system id leadline
 in_system test -f /etc/leadline/vehicle.toml
 in_system test -f /usr/lib/systemd/system/leadline-vehicle.service
-say "an emulated survey, as the service's user"
+say "what systemd says of the unit and of the rules"
+in_system apt-get install -y --no-install-recommends systemd udev >"$scratch/log" 2>&1 ||
+  die "no systemd: $(tail -n 5 "$scratch/log")"
+in_system systemd-analyze verify --man=no leadline-vehicle.service
+in_system systemd-analyze security --offline=true --threshold=25 --no-pager leadline-vehicle.service | tail -n 1
 mount -t proc proc "$system/proc"
+mount -t sysfs -o ro sysfs "$system/sys"
+trap 'umount "$system/dev/pts" "$system/sys" "$system/proc" 2>/dev/null; rm -rf "$scratch"' EXIT
+in_system udevadm test /sys/class/tty/tty 2>&1 | tee "$scratch/log" | grep 'leadline' || die "$(cat "$scratch/log")"
+! grep 'leadline.rules:[0-9]' "$scratch/log" || die "the rules are wrong"
+say "an emulated survey, as the service's user"
 mount -t devpts devpts "$system/dev/pts" -o newinstance,ptmxmode=0666 || true
 ln -sf pts/ptmx "$system/dev/ptmx" 2>/dev/null || true
-trap 'umount "$system/dev/pts" "$system/proc" 2>/dev/null; rm -rf "$scratch"' EXIT
 cat >"$system/tmp/fly.sh" <<'FLY'
 set -eu
 cd "$(mktemp -d)"
@@ -112,7 +139,30 @@ grep -q '^cycles: ' real.txt
 leadline-replay real.lll
 FLY
 in_system su -s /bin/sh leadline -c 'sh /tmp/fly.sh' || die "it does not fly there"
+say "upgrading: first with the configuration as it came, then with one of the owner's"
+# newer VERSION: the vehicle's package as that version would be, its example changed.
+newer() {
+  dpkg-deb -R "$packages"/leadline-vehicle_*.deb "$scratch/$1"
+  sed -i "s/^Version: .*/Version: $1/" "$scratch/$1/DEBIAN/control"
+  echo "# of $1" >>"$scratch/$1/etc/leadline/vehicle.toml"
+  dpkg-deb -b --root-owner-group "$scratch/$1" "$system/tmp/$1.deb"
+}
+quietly() { "$@" >"$scratch/log" 2>&1 || die "$*: $(cat "$scratch/log")"; }
+settings=$system/etc/leadline/vehicle.toml
+quietly newer 9.1
+quietly in_system dpkg -i /tmp/9.1.deb
+grep -q '^# of 9.1' "$settings" || die "an untouched configuration is not brought up to date"
+echo '# mine' >>"$settings"
+quietly newer 9.2
+quietly in_system dpkg -i --force-confdef /tmp/9.2.deb
+grep -q '^# mine' "$settings" && grep -q '^# of 9.2' "$settings.dpkg-dist" || die "the owner's configuration is lost"
+in_system leadline-vehicle --version
 say "removing"
-in_system sh -c 'dpkg -r leadline leadline-vehicle' >"$scratch/log" 2>&1 || die "$(cat "$scratch/log")"
-in_system test -f /etc/leadline/vehicle.toml || die "the configuration went with the program"
+touch "$system/var/lib/leadline/survey.lll" 2>/dev/null || install -D /dev/null "$system/var/lib/leadline/survey.lll"
+quietly in_system dpkg -r leadline leadline-vehicle
+grep -q '^# mine' "$settings" || die "the configuration went with the program"
+[ ! -e "$system/usr/bin/leadline-vehicle" ] || die "the program is still there"
+quietly in_system dpkg -P leadline-vehicle
+[ ! -e "$settings" ] || die "purged, and the configuration is still there"
+[ -e "$system/var/lib/leadline/survey.lll" ] || die "a log went with the program"
 echo "package: amd64 tried"

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Unpacks what programs of another architecture are linked with, from Debian 12: headers, libraries, C library.
 #
-# usage: toolchain/sysroot.sh ARCH [--package DEB --into DIR]
+# usage: toolchain/sysroot.sh ARCH [--topside] [--package DEB... --into DIR]
 #   ARCH         arm64 or armhf
+#   --topside    also what leadline is linked with (GDAL: 226 packages, 700 MB)
 #   --package    this package of ours and what it depends on, instead: for a trial (toolchain/package.sh)
 #   --into DIR   unpack there
 #
@@ -19,14 +20,15 @@ packages=(
 )
 
 arch=
-ours=
+ours=()
 into=
 while [ $# -gt 0 ]; do
   case $1 in
     arm64 | armhf) arch=$1 ;;
+    --topside) packages+=(libgdal-dev libcairo2-dev libsqlite3-dev nlohmann-json3-dev libboost-dev) ;;
     --package | --into)
       [ $# -ge 2 ] || usage_error "$1 wants a name"
-      if [ "$1" = --into ]; then into=$2; else ours=$2; fi
+      if [ "$1" = --into ]; then into=$2; else ours+=("$2"); fi
       shift
       ;;
     -h | --help)
@@ -40,9 +42,10 @@ done
 [ -n "$arch" ] || usage_error "the architecture is missing: arm64 or armhf"
 command -v apt-get >/dev/null || die "this is no Debian: no apt-get"
 
-if [ -n "$ours" ]; then
+if [ ${#ours[@]} -gt 0 ]; then
   # Names without versions: "libc6 (>= 2.36), libgcc-s1" becomes two.
-  mapfile -t packages < <(dpkg-deb -f "$ours" Depends | tr ',' '\n' | sed 's/([^)]*)//; s/ //g')
+  mapfile -t packages < <(for deb in "${ours[@]}"; do dpkg-deb -f "$deb" Depends; done |
+    tr ',' '\n' | sed 's/([^)]*)//; s/ //g' | sort -u)
 fi
 sysroot=${into:-$root/build/sysroot-$arch}
 mkdir -p "$root/build"
@@ -96,7 +99,9 @@ mkdir -p "$sysroot.new"
 for package in "$work"/cache/archives/*.deb; do
   dpkg-deb -x "$package" "$sysroot.new"
 done
-[ -z "$ours" ] || dpkg-deb -x "$ours" "$sysroot.new"
+for package in "${ours[@]}"; do
+  dpkg-deb -x "$package" "$sysroot.new"
+done
 # Absolute links would leave the folder.
 find "$sysroot.new" -xdev -type l -lname '/*' | while read -r link; do
   ln -sfr "$sysroot.new$(readlink "$link")" "$link"

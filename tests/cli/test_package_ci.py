@@ -51,18 +51,21 @@ class Packages(unittest.TestCase):
                 self.assertFalse(path.stat().st_mode & 0o022, f"{shown}: others may write")
 
     def test_libraries_are_depended_on(self):
-        """Every library that the vehicle's programs name belongs to a package of Depends."""
-        depends = output("dpkg-deb", "-f", self.debs["leadline-vehicle"], "Depends")
-        names = {re.sub(r"\s*\(.*", "", each.strip()) for each in depends.split(",")}
-        for program in PROGRAMS["leadline-vehicle"]:
-            needed = re.findall(r"\(NEEDED\).*\[(.+)\]",
-                                output("readelf", "-d", self.dir / "leadline-vehicle/usr/bin" / program))
-            self.assertTrue(needed)
-            for library in needed:
-                owners = {line.split(":")[0] for line in output("dpkg", "-S", f"*/{library}").splitlines()
-                          if re.search(r"/lib/x86_64-linux-gnu/|/lib64/|/lib/aarch64-linux-gnu/", line)}
-                self.assertTrue(owners & names, f"{library} of {owners} is not in {depends}")
-        self.assertIn("libgdal", output("dpkg-deb", "-f", self.debs["leadline"], "Depends"))
+        """Every library that the programs name belongs to a package of Depends, and no other does."""
+        for name, programs in PROGRAMS.items():
+            depends = output("dpkg-deb", "-f", self.debs[name], "Depends")
+            names = {re.sub(r"\s*\(.*", "", each.strip()) for each in depends.split(",")}
+            used = {"adduser"}  # by postinst
+            for program in programs:
+                needed = re.findall(r"\(NEEDED\).*\[(.+)\]",
+                                    output("readelf", "-d", self.dir / name / "usr/bin" / program))
+                self.assertTrue(needed)
+                for library in needed:
+                    owners = {line.split(":")[0] for line in output("dpkg", "-S", f"*/{library}").splitlines()
+                              if re.search(r"/lib/x86_64-linux-gnu/|/lib64/|/lib/aarch64-linux-gnu/", line)}
+                    self.assertTrue(owners & names, f"{library} of {owners} is not in {depends}")
+                    used |= owners
+            self.assertFalse(names - used, f"{name} uses nothing of them")
 
     def test_configuration_is_the_administrators(self):
         root = self.dir / "leadline-vehicle"
@@ -70,7 +73,7 @@ class Packages(unittest.TestCase):
         toml = (root / "etc/leadline/vehicle.toml").read_text()
         self.assertIn('path = "/var/lib/leadline/survey.lll"', toml)
         self.assertGreater(toml.count("#"), 50)
-        for script in ["postinst", "prerm"]:
+        for script in ["postinst", "prerm", "postrm"]:
             subprocess.run(["sh", "-n", root / "DEBIAN" / script], check=True)
             self.assertTrue(os.access(root / "DEBIAN" / script, os.X_OK))
 

@@ -51,17 +51,18 @@ set(CPACK_COMPONENT_VEHICLE_DESCRIPTION
  Maps the seafloor while the vehicle dives: sonar and navigation in, depth-map
  deltas out. With a service, stable names of serial lines, and the commented
  configuration /etc/leadline/vehicle.toml.")
-# By hand, the same for every architecture: dpkg-shlibdeps knows installed packages only. toolchain/package.sh runs the
-# program with these and nothing else.
+# By hand, the same for every architecture: dpkg-shlibdeps knows installed packages only. cli.package_ci compares them with
+# what the programs name, toolchain/package.sh --try runs the programs with these and nothing else.
 set(CPACK_DEBIAN_VEHICLE_PACKAGE_DEPENDS
   "libc6 (>= 2.36), libgcc-s1, libgpiod2, libmodbus5, libsodium23, libstdc++6 (>= 12), libsystemd0, adduser")
 set(CPACK_DEBIAN_VEHICLE_PACKAGE_CONTROL_EXTRA
-  "${packaging}/postinst;${packaging}/prerm;${packaging}/conffiles")
+  "${packaging}/postinst;${packaging}/prerm;${packaging}/postrm;${packaging}/conffiles")
 set(CPACK_DEBIAN_TOPSIDE_PACKAGE_NAME leadline)
 set(CPACK_DEBIAN_TOPSIDE_PACKAGE_SECTION science)
 set(CPACK_COMPONENT_TOPSIDE_DESCRIPTION
   "Embedded fixed-point 3-D sonar modeler, the surface's side
  Receives, draws and exports the map that a vehicle makes, replays its logs,
  imports recordings, emulates devices.")
-set(CPACK_DEBIAN_TOPSIDE_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_TOPSIDE_PACKAGE_DEPENDS
+  "libc6 (>= 2.36), libcairo2, libgcc-s1, libgdal32, libgpiod2, libmodbus5, libsodium23, libsqlite3-0, libstdc++6 (>= 12)")
 include(CPack)
