@@ -106,12 +106,13 @@ struct FilterAccess {
   /// Turns the horizontal velocity clockwise by the angle with this cosine and sine.
   void turn_velocity(float cosine, float sine) const;
 
-  /// Adds to the velocity's variances what the motion noise was made smaller by since the last body
-  /// velocity; false: nothing.
-  [[nodiscard]] bool give_motion_back() const;
-  /// A body velocity came whose innovation had this mean square, in variances; `share` of the variance is the
-  /// state's, the rest the sensor's.
-  void follow_motion(float nis_per_dimension, float share) const;
+  /// The motion noise was made smaller since the last body velocity.
+  [[nodiscard]] bool holds_motion_back() const;
+  /// Adds what it was made smaller by to the variances of velocity and position.
+  void give_motion_back() const;
+  /// A body velocity came whose innovation had this squared length in sigmas as they were foreseen; `share` of
+  /// the variance is the state's, the rest the sensor's.
+  void follow_motion(float nis, float share) const;
   /// Merges kRows components if their innovation passes the gate; false, and nothing changed: it does not.
   /// innovation = measured - predicted, with their rows and variances (independent of each other). Component by
   /// component: their squared lengths, each in the light of those before, add up to that of the whole.

@@ -49,12 +49,16 @@ Fusion fuse_body(const FilterAccess& access, NavMeasurement kind,
     const ErrorVector spread = access.covariance() * row;
     expected += row.dot(spread);
   }
-  bool good = access.merged<3>(kind, rows, innovation, noise, kGate3);
+  // Longer than foreseen: the vehicle does what it did not before, and the log says how fast it goes.
+  const bool held_back = access.holds_motion_back();
+  constexpr float kForeseen3 = 3.0F;  // mean of three squares
+  bool good = access.merged<3>(kind, rows, innovation, noise, held_back ? kForeseen3 : kGate3);
   const float nis = access.nis();
-  if (!good && access.give_motion_back()) {
+  if (!good && held_back) {
+    access.give_motion_back();
     good = access.merged<3>(kind, rows, innovation, noise, kGate3);
   }
-  access.follow_motion(nis / 3.0F, expected / (expected + noise.sum()));
+  access.follow_motion(nis, expected / (expected + noise.sum()));
   return good ? access.accept(kind) : access.refuse(kind);
 }
 

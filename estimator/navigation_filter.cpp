@@ -194,27 +194,35 @@ float FilterAccess::merge(const ErrorVector& row, float innovation, float noise,
   return rest * rest / total;
 }
 
-bool FilterAccess::give_motion_back() const {
+bool FilterAccess::holds_motion_back() const {
+  return filter.held_back_[0] > 0.0F || filter.held_back_[1] > 0.0F || filter.held_back_[2] > 0.0F;
+}
+
+// As predict() would have added it, evenly over the time since.
+void FilterAccess::give_motion_back() const {
   Eigen::Map<ErrorMatrix> p = covariance();
-  bool any = false;
+  const float dt = seconds(filter.t_us_ - filter.motion_us_);
   for (int axis = 0; axis < 3; ++axis) {
     float& held = filter.held_back_[static_cast<std::size_t>(axis)];
-    any = any || held > 0.0F;
-    p(kErrorVelocity + axis, kErrorVelocity + axis) += held;
+    if (dt > 0.0F) {
+      add_motion_noise(p, kErrorPosition + axis, kErrorVelocity + axis, held / dt, dt);
+    }
     held = 0.0F;
   }
-  return any;
 }
 
 // Raised to the innovation's excess: in the long run the mean square of the innovations is then what the
 // covariance says, whatever the motion. The first measurements weigh more, so that what is configured does not
-// last; one alone weighs no more than kMostExcess, so that a wild one does not open the gate for others. A sensor that
+// last; one alone weighs no more than kMostExcess (of honest ones one in 100,000 is longer), so that a wild one does not
+// open the gate for others. A sensor that
 // is noisier than the vehicle moves says nothing about motion: where little of the variance is the state's, the noise does
 // not shrink further. Without rates turns are not foreseen and the noise stays.
-void FilterAccess::follow_motion(float nis_per_dimension, float share) const {
-  constexpr float kMostExcess = 3.0F;
+void FilterAccess::follow_motion(float nis, float share) const {
+  filter.last_nis_ = nis;
+  const float nis_per_dimension = nis / 3.0F;
+  constexpr float kMostExcess = 8.0F;
   constexpr float kLeastMotion = 1e-4F;
-  constexpr float kMostMotion = 4.0F;
+  constexpr float kMostMotion = 16.0F;
   if (!(config().motion_gain > 0.0F && filter.rates_valid_)) {
     return;
   }
@@ -393,7 +401,7 @@ void NavigationFilter::predict(TimeUs t_us) {
   p.middleCols<3>(kErrorPosition) += dt * p.middleCols<3>(kErrorVelocity);
   rates_valid_ = rates_valid_ && t_us - rates_us_ <= kRatesHold_us;
   if (motion_count_ > 0 && t_us - motion_us_ > kMotionHold_us) {
-    static_cast<void>(access.give_motion_back());
+    access.give_motion_back();
     motion_ = 1.0F;
     motion_count_ = 0;
   }

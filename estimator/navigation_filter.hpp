@@ -16,8 +16,8 @@
 //
 // Motion is not white: next to nothing on a leg, bursts in turns. While a velocity sensor of the body is heard,
 // the noise has a part that goes with speed and turning, and all of it times `motion`, which follows the length of
-// that sensor's innovations. What this took away is given back before such a measurement is refused, and when the
-// sensor falls silent. What a velocity sensor errs by itself it cannot tell: scale and misalignment are learnt from
+// that sensor's innovations. What this took away is given back before such a measurement that is longer than foreseen is
+// merged, and when the sensor falls silent. What a velocity sensor errs by itself it cannot tell: scale and misalignment are learnt from
 // everything else, and count in its measurements as what they are known to.
 //
 // One file per measurement (mm_*.cpp): the innovation, its row and its noise; gate, Joseph update and health
@@ -171,7 +171,7 @@ class NavigationFilter {
     return counters_[static_cast<std::size_t>(kind)];
   }
   [[nodiscard]] std::uint32_t faults() const { return faults_; }
-  /// Squared length in sigmas of the last innovation, and its dimension (0: none yet).
+  /// Squared length of the last innovation in sigmas as they were foreseen, and its dimension (0: none yet).
   [[nodiscard]] float last_nis() const { return last_nis_; }
   [[nodiscard]] int last_dimension() const { return last_dimension_; }
   /// Motion noise in use, of that configured; 1 without a velocity sensor of the body.
