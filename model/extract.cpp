@@ -206,7 +206,10 @@ bool Model::read_column(std::uint32_t column, DepthMethod method) {
                        lone != ((record.flags & kColumnLone) != 0) ||
                        found.depth_q8 == kUnknownDepth;
   result.raw_q8 = found.depth_q8;
-  result.mass = found.mass;
+  result.mass =
+      found.depth_q8 != kUnknownDepth
+          ? found.mass
+          : static_cast<std::uint32_t>(evidence_end(grid_.column_voxels(column), scale_.size[2]));
   const int kept = record.flags & ~(kColumnMultiSurface | kColumnLone | kColumnDirty);
   record.flags = static_cast<std::uint8_t>(kept | (found.multi_surface ? kColumnMultiSurface : 0) |
                                            (lone ? kColumnLone : 0));
@@ -268,8 +271,7 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
   ColumnResult& own = results_[grid_.column_index(n, e)];
   own.depth_q8 = kUnknownDepth;
   const bool voteless = own.raw_q8 == kUnknownDepth;
-  const std::int32_t lit =
-      voteless ? evidence_end(grid_.column_voxels(grid_.column_index(n, e)), scale_.size[2]) : 0;
+  const std::int32_t lit = voteless ? static_cast<std::int32_t>(own.mass) : 0;
   if (voteless && lit == 0) {
     return;
   }
@@ -520,6 +522,13 @@ std::uint32_t Model::assess_tile(TileId tile) {
   return static_cast<std::uint32_t>((n1 - n0) * (e1 - e0));
 }
 
+void Model::read_before_leaving(TileId tile) {
+  if (configured_ && grid_.resident(tile) &&
+      grid_.tile(tile).generation_read != grid_.tile(tile).generation) {
+    read_tile(tile);
+  }
+}
+
 TileWork Model::extract_tile(TileId tile) {
   TileWork work{};
   if (!configured_ || tile >= grid_.tile_count()) {
@@ -542,7 +551,7 @@ TileWork Model::extract_tile(TileId tile) {
   for (std::int32_t n = smooth.north0; n <= smooth.north1; ++n) {
     for (std::int32_t e = smooth.east0; e <= smooth.east1; ++e) {
       const auto id = static_cast<TileId>(n * grid_.tiles_east() + e);
-      if ((grid_.tile(id).flags & kTileUnsmoothed) != 0 && grid_.resident(id)) {
+      if ((grid_.tile(id).flags & kTileUnsmoothed) != 0) {
         work.columns_smoothed += smooth_tile(id);
       }
     }
@@ -565,11 +574,10 @@ void Model::extract(DepthMethod method) {
     }
   }
   for (TileId id = 0; id < grid_.tile_count(); ++id) {
-    if (!grid_.resident(id)) {
-      continue;
-    }
     TileRecord& record = grid_.tile(id);
-    record.generation_read = record.generation;
+    if (grid_.resident(id)) {
+      record.generation_read = record.generation;
+    }
     for (std::uint16_t& row : record.unsmoothed) {
       row = UINT16_MAX;
     }

@@ -58,8 +58,10 @@ struct TileBox {
 
 /// Result of an extraction for one column.
 struct ColumnResult {
-  std::int32_t raw_q8;      ///< depth of the column's own voxels, or kUnknownDepth
-  std::uint32_t mass;       ///< their evidence, event units
+  std::int32_t raw_q8;  ///< depth of the column's own voxels, or kUnknownDepth
+  /// Their evidence, event units. Without a depth: where evidence ends, one past its deepest voxel; 0 where there is
+  /// none (smoothing asks for it when the voxels may have left).
+  std::uint32_t mass;
   std::int32_t depth_q8;    ///< depth after certainty-matched smoothing, or kUnknownDepth
   std::uint32_t sigma_q12;  ///< one sigma of the depth, 1/4096 cell
   std::uint32_t noise_q16;  ///< variance of the depth from noise alone, cells^2: a part of sigma
@@ -149,8 +151,8 @@ class Model {
   /// everything else is the same (DESIGN.md, section 10). Only its shell: what stands before it hides the way, so
   /// nothing is said to be empty. Not a ping of its own in the counters.
   /// Bounded: at most bound().behind_voxels voxels written, kSlopeColumns columns read. Results as of
-  /// integrate(); anything but kFused wrote nothing. In a windowed grid: kAbsentTile, and lost with it, where its
-  /// tiles are not there (the first return does not wait for those behind it).
+  /// integrate(); anything but kFused wrote nothing. In a windowed grid: kAbsentTile where its tiles are
+  /// not there: it may come again as long as no other ping was taken.
   PingResult integrate_behind(const base::Ping& ping, const base::Pose& pose,
                               std::size_t sensor = 0, const ReturnDetail& detail = {});
   /// After kAbsentTile: tiles that the ping needs, as far as it could tell (the shell is known once the
@@ -166,9 +168,12 @@ class Model {
   /// kInfluenceTiles + 1 tiles and smoothed within kInfluenceTiles where something near them changed, each
   /// once, whoever asks first. Bound: 81 tiles read, 49 smoothed, 1 assessed (the whole grid, once, when the
   /// last extract() used another method). Nothing before configure().
-  /// Tiles of a windowed grid that are not in memory are neither read nor smoothed: they keep the results that
-  /// they had, and catch up when they are back.
+  /// Tiles of a windowed grid that are not in memory are not read: what was last read of them counts, and is all
+  /// that there is if they left with read_before_leaving().
   TileWork extract_tile(TileId tile);
+  /// Reads the columns of a tile that was touched since: smoothing, sigma and the link then do without its voxels.
+  /// O(tile).
+  void read_before_leaving(TileId tile);
   /// A ping that touches a tile can change results at most this many tiles away (in north and in east):
   /// sigma looks 34 cells far, smoothing 3.
   static constexpr std::int32_t kInfluenceTiles = 3;

@@ -45,10 +45,8 @@ bool in_box(const TileBox& box, std::int32_t north, std::int32_t east) {
   return north >= box.north0 && north <= box.north1 && east >= box.east0 && east <= box.east1;
 }
 
-// Its depths are up to date: what the link tells of it is not older than the voxels that leave.
-bool is_read(const TileRecord& tile) {
-  return tile.generation_read == tile.generation && (tile.flags & model::kTileUnsmoothed) == 0;
-}
+// Its depths are up to date: the map is not older than the voxels that leave.
+bool is_read(const TileRecord& tile) { return tile.generation_read == tile.generation; }
 
 }  // namespace
 
@@ -293,14 +291,25 @@ void TilePager::save(TileId tile, Grid& grid, StoreOutput& output) {
   save_due_ = cycle_ + kSaveEvery;
 }
 
-// Sends the farthest tiles away while less than an eighth of the window is free.
+// Of an earlier run, and not looked at in this one: the link cannot tell what is in it yet.
+bool TilePager::is_unseen(const Grid& grid, TileId tile) const {
+  return saved_[tile] != 0 && grid.tile(tile).generation == 0;
+}
+
+// Sends the farthest tiles away while less than an eighth of the window is free; while there are tiles of an earlier
+// run to be looked at, more than a quarter.
 void TilePager::make_room(const PagerSituation& situation, Grid& grid, StoreOutput& output) {
   if (!has_store_ || !situation.placed || all_fit(grid)) {
     return;
   }
   const TileBox here = box_around(situation.north_cells, situation.east_cells, grid);
   const TileBox ahead = box_around(situation.ahead_north_cells, situation.ahead_east_cells, grid);
-  const std::uint32_t free_wanted = max_of<std::uint32_t>(1, grid.page_count() / 8);
+  bool unseen = false;
+  for (TileId id = 0; id < grid.tile_count(); ++id) {
+    unseen = unseen || is_unseen(grid, id);
+  }
+  const std::uint32_t free_wanted =
+      unseen ? grid.page_count() / 4 + 1 : max_of<std::uint32_t>(1, grid.page_count() / 8);
   for (int round = 0; round < kEvictedPerCycle; ++round) {
     const std::uint32_t free_now = grid.free_pages();
     if (free_now >= free_wanted) {
@@ -308,8 +317,10 @@ void TilePager::make_room(const PagerSituation& situation, Grid& grid, StoreOutp
     }
     TileId farthest = kNoTile;
     TileId farthest_dirty = kNoTile;
+    TileId farthest_unread = kNoTile;
     std::int32_t away = -1;
     std::int32_t away_dirty = -1;
+    std::int32_t away_unread = -1;
     for (TileId id = 0; id < grid.tile_count(); ++id) {
       const std::int32_t n = static_cast<std::int32_t>(id) / grid.tiles_east();
       const std::int32_t e = static_cast<std::int32_t>(id) % grid.tiles_east();
@@ -322,12 +333,17 @@ void TilePager::make_room(const PagerSituation& situation, Grid& grid, StoreOutp
       if (is_dirty(grid, id)) {
         farthest_dirty = far > away_dirty ? id : farthest_dirty;
         away_dirty = max_of(away_dirty, far);
-      } else if (far > away && (free_now == 0 || is_read(grid.tile(id)))) {
+      } else if (!is_read(grid.tile(id))) {
+        farthest_unread = far > away_unread ? id : farthest_unread;
+        away_unread = max_of(away_unread, far);
+      } else if (far > away) {
         farthest = id;
         away = far;
       }
     }
     if (farthest == kNoTile) {
+      output.read = (free_now == 0 || unseen) && farthest_unread != kNoTile;
+      output.read_tile = farthest_unread;
       if (farthest_dirty != kNoTile && saving_ == kNoTile) {
         save(farthest_dirty, grid, output);
       }
@@ -373,10 +389,9 @@ void TilePager::cycle(const PagerSituation& situation, Grid& grid, StoreOutput& 
                        grid, output);
     }
     counters_.cycles_full += room ? 0U : 1U;
-    // The rest of the map of an earlier run, where it does not have to leave again: one tile looked at a
-    // cycle.
+    // The rest of the map of an earlier run, one tile looked at a cycle; where it has to leave again, once.
     const TileId other = cycle_ % grid.tile_count();
-    if (room && saved_[other] != 0 &&
+    if (room && is_unseen(grid, other) &&
         (all_fit(grid) || grid.free_pages() > grid.page_count() / 4)) {
       static_cast<void>(bring(other, grid, output));
     }

@@ -11,9 +11,11 @@
 //   finish 6                                 the survey ends: save everything
 // A page is the tile's voxels (4 bytes each) and its 256 side records (24 bytes each), as memory has them.
 //
-// Policy. A tile leaves when room is short: of those away from vehicle and track the farthest one that is
-// saved. A tile that was never written costs nothing to bring. Who needs a tile that is not there waits
-// (Vehicle); a page that cannot be read back stays lost and counted, the tile starts anew.
+// Policy. A tile leaves when room is short: of those away from vehicle and track the farthest one that is saved and
+// whose depths were read: nothing needs its voxels until it comes back. After a start every tile of the run before
+// comes once, so that its depths are known and the link can hand them over. A tile that was never written costs
+// nothing to bring. Who needs a tile that is not there waits (Vehicle); a page that cannot be read back stays lost and
+// counted, the tile starts anew.
 //
 // No heap, no clock. Not thread-safe.
 #pragma once
@@ -39,6 +41,9 @@ struct StoreOutput {
   std::size_t records_bytes;
   bool load;
   model::TileId load_tile;
+  /// A tile that is to leave, and whose depths are not up to date: to be read now (Model::read_before_leaving).
+  bool read;
+  model::TileId read_tile;
 };
 
 /// Bytes of a page of `depth_cells` voxels a column.
@@ -120,6 +125,7 @@ class TilePager {
 
  private:
   [[nodiscard]] bool is_dirty(const model::Grid& grid, model::TileId tile) const;
+  [[nodiscard]] bool is_unseen(const model::Grid& grid, model::TileId tile) const;
   [[nodiscard]] bool bring(model::TileId tile, model::Grid& grid, StoreOutput& output);
   [[nodiscard]] bool bring_box(const model::TileBox& box, model::Grid& grid, StoreOutput& output);
   void make_room(const PagerSituation& situation, model::Grid& grid, StoreOutput& output);

@@ -256,6 +256,7 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   tick_ = 0;
   pending_.clear();
   has_ready_ = false;
+  held_head_ = Pose{};
   autopilot_.configure(config_);
   commands_ = Commands{};
   newest_beams_ = MappedBeams{};
@@ -290,6 +291,7 @@ void Vehicle::reset_map_state() {
         config_.has_store != 0);
   }
   holding_ = false;
+  returns_done_ = 0;
   has_track_ = false;
 }
 
@@ -569,9 +571,7 @@ void Vehicle::take_ping(std::uint8_t port, Ping& ping) {
   Status status = pending_.push(ping, now_us_);
   // The oldest give way: a map of where the vehicle is beats one of where it was.
   while (status == Status::kFull) {
-    pending_.pop();
-    has_ready_ = false;
-    lose(PingLoss::kShed);
+    drop_front(PingLoss::kShed);
     status = pending_.push(ping, now_us_);
   }
   if (status != Status::kOk) {
@@ -729,38 +729,60 @@ std::uint32_t Vehicle::cycle_bound_voxels() const {
   return static_cast<std::uint32_t>(min_of<std::uint64_t>(queue, UINT32_MAX));
 }
 
-// The ready ping with all its returns, seen from `head`. Each return goes its own way through the water.
+// The ready ping with all its returns, seen from `head`. Each return goes its own way through the water. False: tiles
+// are not there; called again, it goes on where it stopped.
 bool Vehicle::map_ready(const Pose& head, std::uint32_t& written) {
   const std::uint8_t sensor = config_.mounts[ready_.mount].table;
   const std::int32_t percent = config_.ports[port_of_head(ready_.mount)].quality_weight_percent;
-  const model::PingResult result = model_.integrate(
-      ready_, head, sensor, {quality_share_q8(ready_.quality, percent), clear_um_});
-  if (result == model::PingResult::kAbsentTile) {
-    return false;
+  if (returns_done_ == 0) {
+    const model::PingResult result = model_.integrate(
+        ready_, head, sensor, {quality_share_q8(ready_.quality, percent), clear_um_});
+    if (result == model::PingResult::kAbsentTile) {
+      return false;
+    }
+    written += model_.counters().last_voxels_per_ping;
+    keep_mapped(head);
+    note_beam(head);
+    returns_done_ = 1;
   }
-  written += model_.counters().last_voxels_per_ping;
-  keep_mapped(head);
-  note_beam(head);
-  for (int i = 0; i < behind_count_; ++i) {
+  for (; returns_done_ <= behind_count_; ++returns_done_) {
+    const model::LaterReturn& later = behind_[returns_done_ - 1];
     PingLoss ignored{};
     ready_ = unbent_;
-    ready_.range_um = behind_[i].range_um;
-    if (straightened(head, ignored)) {
-      static_cast<void>(model_.integrate_behind(ready_, head, sensor,
-                                                {quality_share_q8(behind_[i].quality, percent)}));
-      written += model_.counters().last_voxels_per_ping;
+    ready_.range_um = later.range_um;
+    if (!straightened(head, ignored)) {
+      continue;
     }
+    if (model_.integrate_behind(ready_, head, sensor, {quality_share_q8(later.quality, percent)}) ==
+        model::PingResult::kAbsentTile) {
+      return false;
+    }
+    written += model_.counters().last_voxels_per_ping;
   }
   return true;
 }
 
-void Vehicle::lose_pending(PingLoss loss) {
-  while (!pending_.empty()) {
+// The oldest ping goes: lost, unless its first return is in the map already.
+void Vehicle::drop_front(PingLoss loss) {
+  if (returns_done_ > 0) {
+    ++counters_.pings_mapped;
+  } else {
     lose(loss);
-    pending_.pop();
   }
+  pop_front();
+}
+
+void Vehicle::pop_front() {
+  pending_.pop();
   has_ready_ = false;
   holding_ = false;
+  returns_done_ = 0;
+}
+
+void Vehicle::lose_pending(PingLoss loss) {
+  while (!pending_.empty()) {
+    drop_front(loss);
+  }
 }
 
 void Vehicle::map_pings() {
@@ -774,10 +796,7 @@ void Vehicle::map_pings() {
   const TimeUs longest_us = config_.navigation.max_wait_us + kLongestQueue_us;
   while (!pending_.empty()) {
     if (now_us_ - pending_.front_since_us() > longest_us) {
-      lose(PingLoss::kShed);
-      pending_.pop();
-      has_ready_ = false;
-      holding_ = false;
+      drop_front(PingLoss::kShed);
       continue;
     }
     // One ping goes through whatever the budget is, or nothing ever would.
@@ -790,14 +809,14 @@ void Vehicle::map_pings() {
     PingLoss loss = PingLoss::kNoPose;
     bool wait = false;
     unbent_ = ready_;
-    if (pose_for(ready_, pose, loss, wait) && straightened(pose, loss)) {
-      if (!map_ready(pose, written)) {
+    const bool resumed = returns_done_ > 0;
+    if (resumed || (pose_for(ready_, pose, loss, wait) && straightened(pose, loss))) {
+      held_head_ = resumed ? held_head_ : pose;
+      if (!map_ready(held_head_, written)) {
         if (hold_ping()) {
           break;
         }
-        lose(PingLoss::kAbsentTile);
-        pending_.pop();
-        has_ready_ = false;
+        drop_front(PingLoss::kAbsentTile);
         continue;
       }
       ++counters_.pings_mapped;
@@ -809,9 +828,7 @@ void Vehicle::map_pings() {
       lose(loss);
       watch_.paused = loss == PingLoss::kPaused || watch_.paused;
     }
-    pending_.pop();
-    has_ready_ = false;
-    holding_ = false;
+    pop_front();
   }
   counters_.work_last_voxels = written;
   counters_.work_max_voxels = max_of(counters_.work_max_voxels, written);
@@ -866,6 +883,9 @@ void Vehicle::page_tiles(StoreOutput& output) {
     situation.ahead_east_cells = here[1] + speed_q8_[1] * kLookAhead_s / 256;
   }
   pager_.cycle(situation, grid, output);
+  if (output.read) {
+    model_.read_before_leaving(output.read_tile);
+  }
 }
 
 void Vehicle::note_touched_tiles() {

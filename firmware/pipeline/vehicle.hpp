@@ -336,6 +336,8 @@ class Vehicle {
   void send_slice();
   void reset_map_state();
   void lose_pending(PingLoss loss);
+  void drop_front(PingLoss loss);
+  void pop_front();
   void map_pings();
   [[nodiscard]] bool hold_ping();
   void page_tiles(StoreOutput& output);
@@ -403,6 +405,8 @@ class Vehicle {
   // A map larger than memory.
   TilePager pager_;
   base::TimeUs held_since_us_ = 0;
+  base::Pose held_head_{};         ///< of the ready ping, while later returns of it wait
+  int returns_done_ = 0;           ///< of the ready ping, in the map already
   base::TimeUs track_us_ = 0;      ///< when the vehicle was at track_
   std::int32_t track_[2] = {};     ///< north, east in cells
   std::int32_t speed_q8_[2] = {};  ///< cells a second
