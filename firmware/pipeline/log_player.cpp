@@ -168,6 +168,10 @@ LogEvent LogPlayer::finish() {
     return LogEvent::kRefused;
   }
   findings_.cut = reader_.mid_record();
+  if (has_ahead_) {  // the record that told the end of the tables was the last
+    has_ahead_ = false;
+    return take(ahead_);
+  }
   return configured_ ? LogEvent::kMore : check_preamble();
 }
 

@@ -93,7 +93,8 @@ class LogPlayer {
   /// What the accessors return is valid until the next call. O(bytes).
   [[nodiscard]] LogEvent feed(const std::uint8_t* data, std::size_t size_bytes,
                               std::size_t& consumed_bytes);
-  /// No more bytes come. kConfigured for a log that ends behind its tables, kRefused, or kMore.
+  /// No more bytes come. kConfigured for a log that ends behind its tables, kCycle for one that ends with its first
+  /// record behind them, kRefused, or kMore.
   [[nodiscard]] LogEvent finish();
 
   // From kConfigured on.

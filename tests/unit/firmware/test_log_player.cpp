@@ -172,6 +172,17 @@ TEST(pieces_of_any_size_play_to_the_same_bits) {
   }
 }
 
+TEST(a_log_that_ends_with_its_first_record_behind_the_tables_is_played) {
+  Log none(leadline::test::rig_config());
+  none.close();
+  for (const std::size_t piece : {std::size_t{1}, none.bytes.size()}) {
+    expect_flight(play(none.bytes, piece), none);
+  }
+  Log one(leadline::test::rig_config());
+  one.run({0, nullptr, 0, 0});  // no room for a frame behind the cycle
+  assert_int_equal(play(one.bytes).cycles, 1);
+}
+
 TEST(one_log_behind_another_leaves_no_trace) {
   const Log& log = flight();
   auto other = leadline::test::rig_config();
