@@ -77,7 +77,7 @@ bool LinkLedger::give_up_oldest(FrameTile& tile) {
 }
 
 void LinkLedger::sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count,
-                      TimeUs now_us) {
+                      TimeUs through_us) {
   for (std::size_t i = 0; i < tile_count; ++i) {
     tiles_[(tiles_end_ + i) % kFrameTiles] = tiles[i];
   }
@@ -89,17 +89,17 @@ void LinkLedger::sent(std::uint16_t tag, const FrameTile* tiles, std::size_t til
       before.state = before.state == State::kUnderWay ? State::kNameless : before.state;
     }
   }
-  frame(end_) = Frame{now_us, tiles_end_, tag, static_cast<std::uint8_t>(tile_count), state};
+  frame(end_) = Frame{through_us, tiles_end_, tag, static_cast<std::uint8_t>(tile_count), state};
   if (tile_count > 0) {
     if (under_way_ == 0) {
-      busy_since_us_ = now_us;
+      busy_since_us_ = through_us;
       busy_frames_ = hasty_frames_ = 0;
     }
     ++busy_frames_;
   }
   if (tile_count > 0 && !waiting_) {
     waiting_ = true;
-    waiting_since_us_ = now_us;
+    waiting_since_us_ = through_us;
   }
   ++end_;
   tiles_end_ += static_cast<std::uint32_t>(tile_count);
@@ -160,7 +160,7 @@ void LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
     if (static_cast<std::int32_t>(number + 1 - newest_confirmed_) > 0) {
       newest_confirmed_ = number + 1;
       // A frame that others overtook, or that is reported again, says nothing of the round trip.
-      learn_round_trip(max_of<TimeUs>(now_us - each.sent_us, 1));
+      learn_round_trip(max_of<TimeUs>(now_us - each.through_us, 1));
     }
     loss_q16_ -= loss_q16_ >> kLossMemory_log2;
     telling_ = each.first_tile;
@@ -198,9 +198,9 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
       }
       const bool overtaken = static_cast<std::int32_t>(newest_confirmed_ - 1 - number) >=
                              static_cast<std::int32_t>(kOvertaken);
-      const bool passed_over = loses_ && last_report_us_ - each.sent_us >= named_us + named_us / 2;
+      const bool passed_over = loses_ && last_report_us_ - each.through_us >= named_us + named_us / 2;
       if (!overtaken && !passed_over) {
-        if (now_us - each.sent_us < silence_us(now_us, idle, named_us)) {
+        if (now_us - each.through_us < silence_us(now_us, idle, named_us)) {
           continue;
         }
         ++hasty_frames_;

@@ -44,8 +44,9 @@ class LinkLedger {
   /// Gives up the oldest frame that is under way, and tells its tiles one by one: false when it has no more
   /// (it is out then). Only while under_way_frames() > 0.
   [[nodiscard]] bool give_up_oldest(FrameTile& tile);
-  /// A frame left; has_room(tile_count) holds.
-  void sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count, base::TimeUs now_us);
+  /// A frame leaves; has_room(tile_count) holds. through_us: when its last byte will be through the line.
+  void sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count,
+            base::TimeUs through_us);
 
   /// A report names a frame. While next_confirmed() gives tiles, they came. O(kFrames).
   void confirm(std::uint16_t tag, base::TimeUs now_us);
@@ -73,7 +74,7 @@ class LinkLedger {
   /// kNameless: under way, and another in the ring has its tag.
   enum class State : std::uint8_t { kUnderWay, kNameless, kConfirmed, kLost };
   struct Frame {
-    base::TimeUs sent_us;
+    base::TimeUs through_us;
     std::uint32_t first_tile;  ///< place in tiles_, modulo kFrameTiles
     std::uint16_t tag;
     std::uint8_t tile_count;

@@ -339,8 +339,8 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   if (!configured_) {
     return;
   }
-  const TimeUs elapsed_us = begin_cycle(input.t_us);
-  downlink_.begin_cycle(elapsed_us, input.downlink_room_bytes);
+  begin_cycle(input.t_us);
+  downlink_.begin_cycle(link_elapsed_us_, input.downlink_room_bytes);
   take_chunks(input);
   navigator_.tick(now_us_);
   map_pings();
@@ -369,8 +369,8 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   count_levels();
 }
 
-// Time since the cycle before; a clock that went back stands still.
-TimeUs Vehicle::begin_cycle(TimeUs t_us) {
+// A clock that went back stands still, but for the link.
+void Vehicle::begin_cycle(TimeUs t_us) {
   ++counters_.cycles;
   const TimeUs limited = base::clamp(t_us, -estimator::kMaxTime_us, estimator::kMaxTime_us);
   if (first_cycle_) {
@@ -383,17 +383,21 @@ TimeUs Vehicle::begin_cycle(TimeUs t_us) {
     watch_.status_due_us = limited;
     watch_.hello_due_us = limited;
     watch_.hello_sent_us = limited;
-    return 0;
+    clock_us_ = link_us_ = limited;
+    link_elapsed_us_ = 0;
+    return;
   }
+  link_elapsed_us_ = max_of<TimeUs>(limited - clock_us_, 0);
+  clock_us_ = limited;
+  link_us_ += link_elapsed_us_;
+  // Ages count in 32.768 ms, whatever the rate of the cycles.
+  tick_ = static_cast<std::uint32_t>(static_cast<std::uint64_t>(link_us_) >> 15U);
   before_us_ = now_us_;
   if (limited < now_us_) {
     ++counters_.cycle_time_clamped;
-    return 0;
+    return;
   }
   now_us_ = limited;
-  // Ages count in 32.768 ms, whatever the rate of the cycles.
-  tick_ = static_cast<std::uint32_t>(static_cast<std::uint64_t>(now_us_) >> 15U);
-  return now_us_ - before_us_;
 }
 
 // What the host knows goes first: a port that was opened again has its codec start over before new bytes
@@ -462,7 +466,7 @@ void Vehicle::take_chunk(const InputChunk& chunk, std::size_t size_bytes) {
     return;
   }
   if (chunk.port == kUplinkPort) {
-    take_uplink(chunk.data, size_bytes);
+    take_uplink(chunk, size_bytes);
     return;
   }
   // The kernel's time of an edge that came while the cycle before was under way lies before that cycle.

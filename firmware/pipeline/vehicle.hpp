@@ -297,7 +297,7 @@ class Vehicle {
   [[nodiscard]] static base::Status check(const VehicleConfig& config, std::size_t table_count);
   void configure_ports();
   [[nodiscard]] estimator::NavigatorConfig navigator_config() const;
-  [[nodiscard]] base::TimeUs begin_cycle(base::TimeUs t_us);
+  void begin_cycle(base::TimeUs t_us);
   void take_chunks(const CycleInput& input);
   [[nodiscard]] bool is_line(std::uint8_t port) const;
   void take_host_report(const InputChunk& chunk);
@@ -313,12 +313,12 @@ class Vehicle {
   [[nodiscard]] base::TimeUs by_utc(std::uint8_t port, base::TimeUs t_device_us,
                                     base::TimeUs own_us) const;
   void take_sample(std::uint8_t port, base::NavSample& sample);
-  void take_uplink(const std::uint8_t* data, std::size_t size_bytes);
+  void take_uplink(const InputChunk& chunk, std::size_t size_bytes);
   [[nodiscard]] std::uint32_t uplink_errors();
-  void take_message(const proto::FrameView& frame);
+  void take_message(const proto::FrameView& frame, base::TimeUs came_us);
   void resend(const proto::ResendRequest& request);
   void owe(model::TileId tile);
-  void take_report(const proto::Report& report);
+  void take_report(const proto::Report& report, base::TimeUs came_us);
   void take_look(const proto::Look& look);
   void take_command_event(const InputChunk& chunk, bool& carried_out);
   void note_unkeyed_command();
@@ -363,6 +363,7 @@ class Vehicle {
   [[nodiscard]] bool put(const base::Result<std::size_t>& payload_bytes);
   [[nodiscard]] bool put_frame(std::size_t payload_bytes, std::size_t tile_count);
   void settle_lost_frames();
+  [[nodiscard]] base::TimeUs line_time_us(std::size_t bytes) const;
   void send_digest();
   void fill_digest(const proto::TileRange& range, proto::Digest& digest) const;
   [[nodiscard]] std::size_t frame_limit_bytes() const;
@@ -384,7 +385,11 @@ class Vehicle {
   VehicleConfig config_{};
   base::TimeUs now_us_ = 0;
   base::TimeUs before_us_ = 0;  ///< of the cycle before
-  std::uint32_t tick_ = 0;      ///< now_us_ >> 15: the clock of ages
+  // The link's own time: where the host's clock goes back it goes on, and nothing is silent until then.
+  base::TimeUs clock_us_ = 0;  ///< what the host's clock said in the cycle before
+  base::TimeUs link_us_ = 0;
+  base::TimeUs link_elapsed_us_ = 0;  ///< since the cycle before
+  std::uint32_t tick_ = 0;            ///< link_us_ >> 15: the clock of ages
   VehicleCounters counters_{};
   model::Model model_;
   std::uint32_t table_crc_[proto::kMaxHelloTables] = {};

@@ -162,7 +162,7 @@ CommandResult Vehicle::begin_map(const std::int64_t (&origin_mm)[3]) {
   reset_map_state();
   watch_.hello_gap_us = 0;  // says hello at once
   watch_.digest_gap_us = 0;
-  watch_.digest_due_us = now_us_;
+  watch_.digest_due_us = link_us_;
   return CommandResult::kDone;
 }
 
@@ -185,12 +185,12 @@ CommandResult Vehicle::set_parameter(CommandParameter parameter, std::int32_t va
     case CommandParameter::kStatusInterval:
       link.status_interval_us = unsigned_value * 1000U;
       watch_.status_due_us =
-          base::min_of<TimeUs>(watch_.status_due_us, now_us_ + link.status_interval_us);
+          base::min_of<TimeUs>(watch_.status_due_us, link_us_ + link.status_interval_us);
       break;
     case CommandParameter::kHelloInterval:
       link.hello_interval_us = unsigned_value * 1000U;
       watch_.hello_due_us =
-          base::min_of<TimeUs>(watch_.hello_due_us, now_us_ + link.hello_interval_us);
+          base::min_of<TimeUs>(watch_.hello_due_us, link_us_ + link.hello_interval_us);
       break;
     case CommandParameter::kSoundSpeed:
       return sound_path_.set_water_speed(value) == Status::kOk ? CommandResult::kDone
@@ -254,7 +254,7 @@ CommandResult Vehicle::begin_slice(std::uint64_t counter, const proto::SliceBox&
   }
   commands_.slice = proto::SlicePart{survey_tag_, static_cast<std::uint32_t>(counter & 0xFFFFFFFFU),
                                      box, 0, box.rows};
-  commands_.slice_due_us = now_us_;
+  commands_.slice_due_us = link_us_;
   return CommandResult::kDone;
 }
 
@@ -266,21 +266,21 @@ void Vehicle::send_command_answer() {
 }
 
 void Vehicle::send_refusal_text() {
-  if (commands_.refusal_text == nullptr || now_us_ < commands_.refusal_due_us) {
+  if (commands_.refusal_text == nullptr || link_us_ < commands_.refusal_due_us) {
     return;
   }
   const proto::Text text =
       proto::make_text(now_us_, proto::Severity::kWarning, commands_.refusal_text);
   if (put(proto::encode_text(text, payload_.data(), payload_.size()))) {
     commands_.refusal_text = nullptr;
-    commands_.refusal_due_us = now_us_ + kRefusalEvery_us;
+    commands_.refusal_due_us = link_us_ + kRefusalEvery_us;
   }
 }
 
 // One part a cycle at most, read from the voxels as they are now; slice.first_row and row_count are what is left.
 void Vehicle::send_slice() {
   proto::SlicePart& left = commands_.slice;
-  if (left.row_count == 0 || now_us_ < commands_.slice_due_us || frame_waits_) {
+  if (left.row_count == 0 || link_us_ < commands_.slice_due_us || frame_waits_) {
     return;
   }
   const std::size_t frame_bytes = frame_limit_bytes();
@@ -310,7 +310,7 @@ void Vehicle::send_slice() {
   left.row_count = static_cast<std::uint8_t>(left.row_count - part.rows());
   const auto sent_bytes = static_cast<TimeUs>(downlink_.total_bytes() - before);
   commands_.slice_due_us =
-      now_us_ + sent_bytes * kSliceShare * 1'000'000 / config_.link.rate_bytes_s;
+      link_us_ + sent_bytes * kSliceShare * 1'000'000 / config_.link.rate_bytes_s;
 }
 
 }  // namespace leadline::firmware

@@ -89,14 +89,16 @@ std::uint32_t Vehicle::uplink_errors() {
   return frames.bad_crc + frames.bad_code + frames.too_short + frames.too_long;
 }
 
-void Vehicle::take_uplink(const std::uint8_t* data, std::size_t size_bytes) {
+void Vehicle::take_uplink(const InputChunk& chunk, std::size_t size_bytes) {
+  const TimeUs since_us = base::clamp<TimeUs>(clock_us_ - chunk.t_arrival_us, 0, link_elapsed_us_);
+  const std::uint8_t* data = chunk.data;
   proto::FrameDecoder& decoder = uplink_.decoder();
   while (size_bytes > 0) {
     std::size_t used = 0;
     proto::FrameView frame{};
     if (decoder.feed(data, size_bytes, used, frame)) {
       ++counters_.uplink_frames;
-      take_message(frame);
+      take_message(frame, link_us_ - since_us);
     }
     data += used;
     size_bytes -= used;
@@ -105,7 +107,7 @@ void Vehicle::take_uplink(const std::uint8_t* data, std::size_t size_bytes) {
   uplink_bad_ = uplink_errors();
 }
 
-void Vehicle::take_message(const proto::FrameView& frame) {
+void Vehicle::take_message(const proto::FrameView& frame, TimeUs came_us) {
   const auto ours = [this](const auto& message) {
     return message.ok() && message.value().survey_tag == survey_tag_;
   };
@@ -127,7 +129,7 @@ void Vehicle::take_message(const proto::FrameView& frame) {
     const auto report = proto::decode_report(payload, size);
     taken = ours(report);
     if (taken) {
-      take_report(report.value());
+      take_report(report.value(), came_us);
     }
   } else if (known && type == proto::MessageType::kDigestRequest) {
     const auto request = proto::decode_digest_request(payload, size);
@@ -159,8 +161,8 @@ void Vehicle::restart_link() {
   ledger_.reset();
   digest_asked_ = proto::TileRange{};
   watch_.digest_gap_us = kFirstHelloGap_us;
-  watch_.digest_sent_us = now_us_;
-  watch_.digest_due_us = now_us_ + kFirstHelloGap_us;
+  watch_.digest_sent_us = link_us_;
+  watch_.digest_due_us = link_us_ + kFirstHelloGap_us;
   for (TileId tile = 0; tile < model_.grid().tile_count(); ++tile) {
     if (model_.grid().tile(tile).generation != 0) {
       owe(tile);
@@ -188,12 +190,12 @@ void Vehicle::resend(const proto::ResendRequest& request) {
   }
 }
 
-void Vehicle::take_report(const proto::Report& report) {
+void Vehicle::take_report(const proto::Report& report, TimeUs came_us) {
   ++counters_.reports;
   const bool news = !ledger_.heard();
-  ledger_.note_report(now_us_);
+  ledger_.note_report(came_us);
   for (int i = 0; i < report.frame_count; ++i) {
-    ledger_.confirm(report.frame_tags[i], now_us_);
+    ledger_.confirm(report.frame_tags[i], came_us);
     FrameTile came{};
     while (ledger_.next_confirmed(came)) {
       link_map_.confirm(came.tile, came.epoch);
@@ -216,14 +218,14 @@ void Vehicle::take_look(const proto::Look& look) {
   looked_at_.row = static_cast<std::int32_t>(look.tile) / tiles_east;
   looked_at_.column = static_cast<std::int32_t>(look.tile) % tiles_east;
   looked_at_.radius_tiles = look.radius_tiles;
-  looked_at_.until_us = now_us_ + kLook_us;
+  looked_at_.until_us = link_us_ + kLook_us;
 }
 
 // Frames that are lost by now: their cells are owed again, at once.
 void Vehicle::settle_lost_frames() {
   FrameTile lost{};
   const bool idle = unsent_.size() == 0;
-  while (ledger_.next_lost(now_us_, idle, lost)) {
+  while (ledger_.next_lost(link_us_, idle, lost)) {
     ++counters_.tiles_lost;
     link_map_.lose(lost.tile, lost.epoch, lost.cells);
     unsent_.add(lost.tile, TileSet::kMaxWeight, tick_);
@@ -232,7 +234,7 @@ void Vehicle::settle_lost_frames() {
 
 // Many who ask get one hello a second.
 void Vehicle::answer_hello_request() {
-  const TimeUs soonest_us = base::max_of(now_us_, watch_.hello_sent_us + kFirstHelloGap_us);
+  const TimeUs soonest_us = base::max_of(link_us_, watch_.hello_sent_us + kFirstHelloGap_us);
   watch_.hello_due_us = min_of(watch_.hello_due_us, soonest_us);
 }
 
@@ -241,6 +243,11 @@ bool Vehicle::put(const base::Result<std::size_t>& payload_bytes) {
   const bool done = payload_bytes.ok() && put_frame(payload_bytes.value(), 0);
   frame_waits_ = frame_waits_ || !done;
   return done;
+}
+
+// What so many bytes take on a line of the configured rate.
+TimeUs Vehicle::line_time_us(std::size_t bytes) const {
+  return static_cast<TimeUs>(std::uint64_t{bytes} * 1'000'000 / config_.link.rate_bytes_s);
 }
 
 // The frame of `payload_`, noted with its tiles: the first of frame_tiles_. Their cells are under way.
@@ -260,7 +267,7 @@ bool Vehicle::put_frame(std::size_t payload_bytes, std::size_t tile_count) {
     }
   }
   ledger_.sent(proto::frame_tag(payload_.data(), payload_bytes), frame_tiles_.data(), tile_count,
-               now_us_);
+               link_us_ + line_time_us(downlink_.backlog_bytes()));
   for (std::size_t i = 0; i < tile_count; ++i) {
     link_map_.note_under_way(frame_tiles_[i].tile);
   }
@@ -311,15 +318,15 @@ void Vehicle::send_digest() {
   }
   if (ledger_.under_way_frames() > 0) {
     watch_.digest_gap_us = kFirstHelloGap_us;
-    watch_.digest_due_us = now_us_ + kQuiet_us;
+    watch_.digest_due_us = link_us_ + kQuiet_us;
     return;
   }
   // A map that never rests has its word between two batches, rarely; a link that is behind has better to do.
   const bool rests = unsent_.size() == 0;
   const bool behind =
       unsent_.size() > kFewTiles || unsent_.oldest_age(tick_) > max_age_ticks() + kTicks_s;
-  if (now_us_ < watch_.digest_due_us || behind ||
-      (!rests && now_us_ < watch_.digest_sent_us + config_.link.hello_interval_us)) {
+  if (link_us_ < watch_.digest_due_us || behind ||
+      (!rests && link_us_ < watch_.digest_sent_us + config_.link.hello_interval_us)) {
     return;
   }
   digest.survey_tag = survey_tag_;
@@ -331,8 +338,8 @@ void Vehicle::send_digest() {
   }
   digest.hashes[0] = proto::fold_hash(hash);
   if (put(proto::encode_digest(digest, payload_.data(), payload_.size()))) {
-    watch_.digest_sent_us = now_us_;
-    watch_.digest_due_us = now_us_ + watch_.digest_gap_us;
+    watch_.digest_sent_us = link_us_;
+    watch_.digest_due_us = link_us_ + watch_.digest_gap_us;
     watch_.digest_gap_us = min_of<TimeUs>(2 * watch_.digest_gap_us, config_.link.hello_interval_us);
   }
 }
@@ -352,7 +359,7 @@ std::size_t Vehicle::frame_limit_bytes() const {
 // The line is to have work until the next cycle, and no queue that every later frame would wait behind: what
 // becomes of a frame is known the later for it.
 bool Vehicle::line_is_busy() const {
-  const auto cycle_us = static_cast<std::uint64_t>(min_of(now_us_ - before_us_, kLongestCycle_us));
+  const auto cycle_us = static_cast<std::uint64_t>(min_of(link_elapsed_us_, kLongestCycle_us));
   const std::uint64_t one_and_a_half = config_.link.rate_bytes_s * cycle_us * 3 / 2'000'000;
   return downlink_.backlog_bytes() > one_and_a_half;
 }
@@ -369,7 +376,7 @@ std::uint32_t Vehicle::favour(TileId tile) const {
         base::max_of(distance(row, vehicle_row_), distance(column, vehicle_column_));
     favour = tiles < 8 ? static_cast<std::uint32_t>(8 - tiles) * 12 : 0U;
   }
-  const bool looked_at = looked_at_.radius_tiles > 0 && now_us_ < looked_at_.until_us &&
+  const bool looked_at = looked_at_.radius_tiles > 0 && link_us_ < looked_at_.until_us &&
                          distance(row, looked_at_.row) <= looked_at_.radius_tiles &&
                          distance(column, looked_at_.column) <= looked_at_.radius_tiles;
   return favour + (looked_at ? 128U : 0U);
@@ -393,7 +400,7 @@ void Vehicle::send_hello() {
   // At once when an origin has been found: until then a receiver does not know where the map lies.
   const bool has_origin = navigator_.plane().configured();
   const bool news = has_origin != watch_.origin_said || watch_.hello_gap_us == 0;
-  if (now_us_ < watch_.hello_due_us && !news) {
+  if (link_us_ < watch_.hello_due_us && !news) {
     return;
   }
   proto::Hello hello{};
@@ -426,8 +433,8 @@ void Vehicle::send_hello() {
     watch_.origin_said = has_origin;
     watch_.hello_gap_us = min_of<TimeUs>(news ? kFirstHelloGap_us : 2 * watch_.hello_gap_us,
                                          config_.link.hello_interval_us);
-    watch_.hello_sent_us = now_us_;
-    watch_.hello_due_us = now_us_ + watch_.hello_gap_us;
+    watch_.hello_sent_us = link_us_;
+    watch_.hello_due_us = link_us_ + watch_.hello_gap_us;
   }
 }
 
@@ -456,7 +463,7 @@ proto::Swath Vehicle::swath_now() const {
 }
 
 void Vehicle::send_status() {
-  if (now_us_ < watch_.status_due_us) {
+  if (link_us_ < watch_.status_due_us) {
     return;
   }
   proto::Status status{};
@@ -474,7 +481,7 @@ void Vehicle::send_status() {
   }
   const auto frame_bytes = static_cast<TimeUs>(downlink_.total_bytes() - before);
   const TimeUs share_us = frame_bytes * kStatusShare * 1'000'000 / config_.link.rate_bytes_s;
-  watch_.status_due_us = now_us_ + base::max_of<TimeUs>(config_.link.status_interval_us, share_us);
+  watch_.status_due_us = link_us_ + base::max_of<TimeUs>(config_.link.status_interval_us, share_us);
   ++watch_.statuses;
   watch_.shed_at_status = counters_.pings_lost[static_cast<int>(PingLoss::kShed)];
   watch_.clamped_at_status = counters_.cycle_time_clamped + counters_.chunk_time_clamped;
@@ -608,12 +615,12 @@ std::uint32_t Vehicle::alarms_now() const {
 void Vehicle::update_alarms() {
   counters_.alarms = alarms_now();
   std::uint32_t began = counters_.alarms & ~alarms_said_;
-  if (watch_.outside_said && now_us_ - watch_.outside_us < kOutsideEpisode_us) {
+  if (watch_.outside_said && link_us_ - watch_.outside_us < kOutsideEpisode_us) {
     began &= ~std::uint32_t{proto::kAlarmOutsideGrid};
   }
   if ((counters_.alarms & proto::kAlarmOutsideGrid) != 0) {
     watch_.outside_said = true;
-    watch_.outside_us = now_us_;
+    watch_.outside_us = link_us_;
   }
   const std::uint32_t ended = alarms_said_ & ~counters_.alarms;
   texts_due_ |= began | (ended << kEndShift);
