@@ -10,10 +10,10 @@ using base::min_of;
 using base::TimeUs;
 
 // Before a round trip was measured. A frame waits at least a few cycles for its report, and never for ever.
-constexpr TimeUs kFirstPatience_us = 5'000'000;
-constexpr TimeUs kLeastPatience_us = 40'000;
+constexpr TimeUs kLeastPatience_us = 20'000;
+constexpr TimeUs kLeastSlack_us = 10'000;
 constexpr TimeUs kMostPatience_us = 60'000'000;
-constexpr int kMostHasty = 2;
+constexpr int kEvenTimeouts = 3;
 // A line is fast when all that is under way since it was idle took less than so many round trips.
 constexpr TimeUs kFastTrips = 8;
 // One frame of so many may go again before anything is known of the first.
@@ -27,7 +27,8 @@ constexpr std::uint32_t kFirstTile = 0U - LinkLedger::kFrameTiles;
 
 }  // namespace
 
-void LinkLedger::reset() {
+void LinkLedger::reset(TimeUs first_patience_us) {
+  first_patience_us_ = first_patience_us;
   for (Frame& each : frames_) {
     each = Frame{};
   }
@@ -36,7 +37,7 @@ void LinkLedger::reset() {
   under_way_ = 0;
   telling_count_ = 0;
   given_up_ = 0;
-  round_trip_us_ = deviation_us_ = latest_us_ = 0;
+  round_trip_us_ = report_gap_us_ = 0;
   waiting_since_us_ = 0;
   last_report_us_ = 0;
   busy_since_us_ = 0;
@@ -112,37 +113,46 @@ void LinkLedger::resolve(std::uint32_t number, State state) {
   resolved.state = state;
 }
 
+// Whoever reports may have waited before it did: the shortest counts, but a line that became slower is believed soon.
 void LinkLedger::learn_round_trip(TimeUs measured_us) {
-  latest_us_ = measured_us;
-  if (round_trip_us_ == 0) {
-    round_trip_us_ = measured_us;
-    deviation_us_ = measured_us / 2;
-    return;
-  }
-  const TimeUs off_us = measured_us - round_trip_us_;
-  deviation_us_ += ((off_us < 0 ? -off_us : off_us) - deviation_us_) / 4;
-  round_trip_us_ += off_us / 8;
+  const bool shorter = round_trip_us_ == 0 || measured_us < round_trip_us_;
+  round_trip_us_ = shorter ? measured_us : round_trip_us_ + (measured_us - round_trip_us_) / 4;
+}
+
+// A report that comes so long after a frame is through has it, or it was lost.
+TimeUs LinkLedger::named_us() const {
+  return round_trip_us_ + max_of(round_trip_us_ / 2, kLeastSlack_us);
 }
 
 TimeUs LinkLedger::patience_us() const {
   const TimeUs once_us =
-      round_trip_us_ == 0 ? kFirstPatience_us : round_trip_us_ + 3 * deviation_us_;
+      round_trip_us_ == 0 ? first_patience_us_ : named_us() + 2 * report_gap_us_;
   const TimeUs limited_us = base::clamp(once_us, kLeastPatience_us, kMostPatience_us);
-  return min_of(limited_us << static_cast<unsigned>(timeouts_), kMostPatience_us);
+  return min_of(limited_us << static_cast<unsigned>(max_of(timeouts_ - kEvenTimeouts, 0)),
+                kMostPatience_us);
+}
+
+// When those frames are through that may overtake it on the way.
+TimeUs LinkLedger::followed_us(std::uint32_t number) const {
+  return frame(number + min_of(kOvertaken, end_ - 1 - number)).through_us;
 }
 
 // How long a frame waits for a word. A line that loses and has nothing else to carry may as well carry it again: where
 // round trips are a large part of the time that all takes, soon, for a few frames; else when the word is overdue.
-TimeUs LinkLedger::silence_us(TimeUs now_us, bool idle, TimeUs named_us) const {
-  if (!idle || !loses_ || timeouts_ >= kMostHasty) {
+TimeUs LinkLedger::silence_us(TimeUs now_us, bool idle) const {
+  if (!idle || !loses_) {
     return 3 * patience_us();
   }
   const bool fast = now_us - busy_since_us_ < kFastTrips * round_trip_us_;
   const bool affordable = hasty_frames_ * kFramesPerHasty < busy_frames_;
-  return fast && affordable ? named_us / 4 : patience_us();
+  return fast && affordable ? named_us() / 4 : patience_us();
 }
 
 void LinkLedger::note_report(TimeUs now_us) {
+  if (waiting_ && heard_) {
+    const TimeUs gap_us = max_of<TimeUs>(now_us - max_of(last_report_us_, busy_since_us_), 0);
+    report_gap_us_ = report_gap_us_ == 0 ? gap_us : report_gap_us_ + (gap_us - report_gap_us_) / 4;
+  }
   heard_ = true;
   timeouts_ = 0;
   last_report_us_ = now_us;
@@ -159,8 +169,11 @@ void LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
     resolve(number, State::kConfirmed);
     if (static_cast<std::int32_t>(number + 1 - newest_confirmed_) > 0) {
       newest_confirmed_ = number + 1;
-      // A frame that others overtook, or that is reported again, says nothing of the round trip.
-      learn_round_trip(max_of<TimeUs>(now_us - each.through_us, 1));
+      // A frame that others overtook, or that is reported again, says nothing of the round trip; nor
+      // does one without cells, which is not reported for its own sake.
+      if (each.tile_count > 0) {
+        learn_round_trip(max_of<TimeUs>(now_us - each.through_us, 1));
+      }
     }
     loss_q16_ -= loss_q16_ >> kLossMemory_log2;
     telling_ = each.first_tile;
@@ -188,9 +201,6 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
     // What a report could have named and did not was lost. Without a report nothing is known: reports are lost,
     // too. A line that has nothing else to carry may as well carry it again. Where a queue grows, the newest round
     // trip is the one to go by.
-    const TimeUs lately_us = latest_us_ + latest_us_ / 2;
-    const TimeUs named_us =
-        max_of(max_of(round_trip_us_ + 2 * deviation_us_, lately_us), kLeastPatience_us);
     for (std::uint32_t number = first_; number != end_ && telling_count_ == 0; ++number) {
       Frame& each = frame(number);
       if (each.state >= State::kConfirmed) {
@@ -198,9 +208,10 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
       }
       const bool overtaken = static_cast<std::int32_t>(newest_confirmed_ - 1 - number) >=
                              static_cast<std::int32_t>(kOvertaken);
-      const bool passed_over = loses_ && last_report_us_ - each.through_us >= named_us + named_us / 2;
+      const bool passed_over =
+          round_trip_us_ != 0 && last_report_us_ - followed_us(number) >= named_us();
       if (!overtaken && !passed_over) {
-        if (now_us - each.through_us < silence_us(now_us, idle, named_us)) {
+        if (now_us - each.through_us < silence_us(now_us, idle)) {
           continue;
         }
         ++hasty_frames_;
@@ -224,7 +235,7 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
       heard_ = false;
       waiting_ = false;
       timeouts_ = 0;
-      round_trip_us_ = deviation_us_ = latest_us_ = 0;
+      round_trip_us_ = report_gap_us_ = 0;
       loss_q16_ = kFirstLoss_q16;
     }
     return false;

@@ -37,7 +37,7 @@ class LinkLedger {
   LinkLedger& operator=(const LinkLedger&) = delete;
 
   /// Forgets all. O(1).
-  void reset();
+  void reset(base::TimeUs first_patience_us);
 
   /// Whether a frame of `tile_count` tiles can be noted without giving up an older one.
   [[nodiscard]] bool has_room(std::size_t tile_count) const;
@@ -82,14 +82,15 @@ class LinkLedger {
   };
 
   static constexpr std::uint32_t kOvertaken = 3;
-  static constexpr int kMostTimeouts = 6;
+  static constexpr int kMostTimeouts = 9;
 
   [[nodiscard]] Frame& frame(std::uint32_t number) { return frames_[number % kFrames]; }
   [[nodiscard]] const Frame& frame(std::uint32_t number) const { return frames_[number % kFrames]; }
   void resolve(std::uint32_t number, State state);
   void forget_resolved();
-  [[nodiscard]] base::TimeUs silence_us(base::TimeUs now_us, bool idle,
-                                        base::TimeUs named_us) const;
+  [[nodiscard]] base::TimeUs named_us() const;
+  [[nodiscard]] base::TimeUs silence_us(base::TimeUs now_us, bool idle) const;
+  [[nodiscard]] base::TimeUs followed_us(std::uint32_t number) const;
   void learn_round_trip(base::TimeUs measured_us);
 
   std::array<Frame, kFrames> frames_{};
@@ -104,9 +105,9 @@ class LinkLedger {
   std::uint32_t telling_ = 0;  ///< place in tiles_
   std::uint8_t telling_count_ = 0;
   std::uint8_t given_up_ = 0;  ///< tiles of the oldest frame that give_up_oldest() has told
+  base::TimeUs first_patience_us_ = 0;
   base::TimeUs round_trip_us_ = 0;
-  base::TimeUs deviation_us_ = 0;
-  base::TimeUs latest_us_ = 0;  ///< round trip of the newest frame that was confirmed
+  base::TimeUs report_gap_us_ = 0;  ///< between two reports while frames are under way
   base::TimeUs waiting_since_us_ = 0;
   base::TimeUs last_report_us_ = 0;
   bool waiting_ = false;  ///< frames with tiles left since the last report, or were under way then

@@ -260,8 +260,8 @@ Status Vehicle::configure(const VehicleConfig& config, const TableBlock* tables,
   autopilot_.configure(config_);
   commands_ = Commands{};
   newest_beams_ = MappedBeams{};
-  reset_map_state();
   downlink_.configure(config_.link.rate_bytes_s, config_.link.mtu_bytes);
+  reset_map_state();
   uplink_.decoder().reset();
   uplink_bad_ = uplink_errors();
   alarms_said_ = 0;
@@ -277,7 +277,7 @@ void Vehicle::reset_map_state() {
   stale_.reset(tile_count);
   unsent_.reset(tile_count);
   link_map_.reset(tile_count);
-  ledger_.reset();
+  ledger_.reset(first_patience_us());
   looked_at_ = LookedAt{};
   digest_asked_ = proto::TileRange{};
   commands_.slice.row_count = 0;

@@ -364,6 +364,7 @@ class Vehicle {
   [[nodiscard]] bool put_frame(std::size_t payload_bytes, std::size_t tile_count);
   void settle_lost_frames();
   [[nodiscard]] base::TimeUs line_time_us(std::size_t bytes) const;
+  [[nodiscard]] base::TimeUs first_patience_us() const;
   void send_digest();
   void fill_digest(const proto::TileRange& range, proto::Digest& digest) const;
   [[nodiscard]] std::size_t frame_limit_bytes() const;

@@ -18,6 +18,7 @@ constexpr std::size_t kLeastFrames = 32;
 constexpr std::size_t kLossyFrame_bytes = 160;
 constexpr std::size_t kTypicalTile_bytes = 96;
 constexpr std::uint32_t kLossy_q16 = 65'536 / 20;
+constexpr TimeUs kFirstPatience_us = 300'000;
 // Of line_is_busy().
 constexpr TimeUs kLongestCycle_us = 200'000;
 // A digest is said when nothing has been under way for this long.
@@ -158,7 +159,7 @@ void Vehicle::owe(TileId tile) {
 }
 
 void Vehicle::restart_link() {
-  ledger_.reset();
+  ledger_.reset(first_patience_us());
   digest_asked_ = proto::TileRange{};
   watch_.digest_gap_us = kFirstHelloGap_us;
   watch_.digest_sent_us = link_us_;
@@ -248,6 +249,11 @@ bool Vehicle::put(const base::Result<std::size_t>& payload_bytes) {
 // What so many bytes take on a line of the configured rate.
 TimeUs Vehicle::line_time_us(std::size_t bytes) const {
   return static_cast<TimeUs>(std::uint64_t{bytes} * 1'000'000 / config_.link.rate_bytes_s);
+}
+
+// Of a report, before one came: what two frames take, and both ends to look.
+TimeUs Vehicle::first_patience_us() const {
+  return kFirstPatience_us + line_time_us(2 * downlink_.longest_frame_bytes());
 }
 
 // The frame of `payload_`, noted with its tiles: the first of frame_tiles_. Their cells are under way.

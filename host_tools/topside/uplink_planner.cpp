@@ -10,6 +10,9 @@ namespace {
 
 // Bytes up for bytes that came down: 1 in 14 of those sent where 3 of 10 are lost. The first are on credit.
 constexpr double kShare = 0.1;
+// And while something is missing this share of what the link could carry, so that few frames do not silence it.
+constexpr double kTimeShare = 0.01;
+constexpr double kMostTimed_bytes = 32.0;
 constexpr double kFirstBudget_bytes = 32.0;
 constexpr double kMostBudget_bytes = 256.0;
 constexpr double kRich_bytes = 64.0;
@@ -17,9 +20,12 @@ constexpr double kMostDebt_bytes = 32.0;
 // A report may be lost itself: every frame stands in so many.
 constexpr int kReports = 4;
 constexpr int kFramesPerReport = 3;
+// Between two frames with news, before that was measured: what such a frame takes.
+constexpr double kTypicalNews_bytes = 160.0;
 constexpr base::TimeUs kLeastGap_us = 20'000;
 constexpr base::TimeUs kMostGap_us = 10'000'000;
 constexpr base::TimeUs kKeepAlive_us = 5'000'000;
+constexpr base::TimeUs kAskAgain_us = 300'000;
 constexpr base::TimeUs kFirstAsk_us = 2'000'000;
 constexpr base::TimeUs kMostAsk_us = 60'000'000;
 constexpr int kMostDigestTries = 5;
@@ -63,7 +69,7 @@ void UplinkPlanner::note_frame(std::uint16_t tag, std::size_t wire_bytes, bool n
   if (repeated) {
     return;
   }
-  heard_.push_back({tag, kReports});
+  heard_.push_back({tag, kReports, news});
   while (heard_.size() > proto::kMaxReportFrames) {
     heard_.pop_front();
   }
@@ -135,23 +141,40 @@ std::vector<std::uint8_t> UplinkPlanner::paid(const std::uint8_t* payload,
   return {payload, payload + size.value()};
 }
 
+// A little for every second.
+void UplinkPlanner::earn(base::TimeUs now_us, const TileStore& store) {
+  const double seconds = 1e-6 * static_cast<double>(now_us - earned_us_);
+  if (earned_us_ != 0 && budget_bytes_ < kMostTimed_bytes) {
+    const double rate_bytes_s = static_cast<double>(store.hello().link_rate_bytes_s);
+    budget_bytes_ =
+        std::min(budget_bytes_ + kTimeShare * rate_bytes_s * seconds, kMostTimed_bytes);
+  }
+  earned_us_ = now_us;
+}
+
 // Newest first; what stood in enough reports is dropped.
-std::vector<std::uint8_t> UplinkPlanner::report(base::TimeUs now_us, const TileStore& store) {
+std::vector<std::uint8_t> UplinkPlanner::report(base::TimeUs now_us, const TileStore& store,
+                                                bool unfinished) {
   if (news_count_ != news_seen_) {
     if (news_seen_ > 0) {
-      const base::TimeUs gap_us =
+      const base::TimeUs new_gap_us =
           (now_us - news_us_) / static_cast<base::TimeUs>(news_count_ - news_seen_);
-      news_gap_us_ = std::clamp(news_gap_us_ == 0 ? gap_us : (3 * news_gap_us_ + gap_us) / 4,
+      news_gap_us_ = std::clamp(news_gap_us_ == 0 ? new_gap_us : (3 * news_gap_us_ + new_gap_us) / 4,
                                 kLeastGap_us, kMostGap_us);
     }
     news_seen_ = news_count_;
     news_us_ = now_us;
   }
   const bool owed = std::any_of(heard_.begin(), heard_.end(),
-                                [](const Heard& each) { return each.reports_left > 0; });
-  const base::TimeUs pause_us = std::max(2 * news_gap_us_, 2 * kLeastGap_us);
+                                [](const Heard& each) { return each.news && each.reports_left > 0; });
+  const auto typical_us = static_cast<base::TimeUs>(1e6 * kTypicalNews_bytes /
+                                                    std::max(1U, store.hello().link_rate_bytes_s));
+  const base::TimeUs gap_us =
+      news_gap_us_ == 0 ? std::min(typical_us, kMostGap_us) : news_gap_us_;
+  const base::TimeUs pause_us = 2 * std::max(gap_us, kLeastGap_us);
   const bool paused = now_us - news_us_ > pause_us && now_us - reported_us_ > pause_us;
-  const bool silent = now_us - reported_us_ > kKeepAlive_us;
+  const base::TimeUs alive_us = unfinished ? std::max(pause_us, kAskAgain_us) : kKeepAlive_us;
+  const bool silent = now_us - reported_us_ > alive_us;
   // A few frames in a report: its own frame costs as much as six more names.
   const bool enough =
       news_since_report_ >= kFramesPerReport ||
@@ -298,7 +321,10 @@ std::vector<std::uint8_t> UplinkPlanner::look_again(base::TimeUs now_us, const T
 
 std::vector<std::uint8_t> UplinkPlanner::next(base::TimeUs now_us, const TileStore& store,
                                               const std::optional<proto::Status>& status) {
-  std::vector<std::uint8_t> bytes = report(now_us, store);
+  const bool unfinished =
+      !status || store.known_tiles() < status->tiles_known || !wanted_.empty() || !agreed_;
+  earn(now_us, store);
+  std::vector<std::uint8_t> bytes = report(now_us, store, unfinished);
   if (bytes.empty()) {
     bytes = wanted_tiles(store);
   }

@@ -42,12 +42,15 @@ class UplinkPlanner {
   struct Heard {
     std::uint16_t tag;
     int reports_left;
+    bool news;
   };
 
   [[nodiscard]] std::vector<std::uint8_t> paid(const std::uint8_t* payload,
                                                const base::Result<std::size_t>& size,
                                                double most_debt_bytes);
-  [[nodiscard]] std::vector<std::uint8_t> report(base::TimeUs now_us, const TileStore& store);
+  void earn(base::TimeUs now_us, const TileStore& store);
+  [[nodiscard]] std::vector<std::uint8_t> report(base::TimeUs now_us, const TileStore& store,
+                                                 bool unfinished);
   [[nodiscard]] std::vector<std::uint8_t> wanted_tiles(const TileStore& store);
   [[nodiscard]] std::vector<std::uint8_t> finer_digest(base::TimeUs now_us, const TileStore& store);
   [[nodiscard]] std::vector<std::uint8_t> unseen_tiles(base::TimeUs now_us, const TileStore& store,
@@ -74,6 +77,7 @@ class UplinkPlanner {
   base::TimeUs ask_gap_us_ = 0;
   std::optional<proto::Look> look_;
   base::TimeUs look_us_ = 0;
+  base::TimeUs earned_us_ = 0;  ///< up to when time has been paid for
   bool agreed_ = false;
 };
 
