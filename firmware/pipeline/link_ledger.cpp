@@ -126,7 +126,7 @@ TimeUs LinkLedger::named_us() const {
 
 TimeUs LinkLedger::patience_us() const {
   const TimeUs once_us =
-      round_trip_us_ == 0 ? first_patience_us_ : named_us() + 2 * report_gap_us_;
+      round_trip_us_ == 0 ? first_patience_us_ : named_us() + report_gap_us_ + report_gap_us_ / 2;
   const TimeUs limited_us = base::clamp(once_us, kLeastPatience_us, kMostPatience_us);
   return min_of(limited_us << static_cast<unsigned>(max_of(timeouts_ - kEvenTimeouts, 0)),
                 kMostPatience_us);

@@ -17,7 +17,6 @@ namespace leadline::firmware {
 struct FrameTile {
   model::TileId tile;
   std::uint8_t epoch;  ///< LinkMap::epoch() when it left
-  bool coarse;         ///< its coarse picture; else cells
   proto::CellMask cells;
 };
 
@@ -36,7 +35,7 @@ class LinkLedger {
   LinkLedger(const LinkLedger&) = delete;
   LinkLedger& operator=(const LinkLedger&) = delete;
 
-  /// Forgets all. O(1).
+  /// Forgets all. first_patience_us: how long a report may take before one told. O(kFrames).
   void reset(base::TimeUs first_patience_us);
 
   /// Whether a frame of `tile_count` tiles can be noted without giving up an older one.
@@ -48,7 +47,7 @@ class LinkLedger {
   void sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count,
             base::TimeUs through_us);
 
-  /// A report names a frame. While next_confirmed() gives tiles, they came. O(kFrames).
+  /// A report that came at `now_us` names a frame. While next_confirmed() gives tiles, they came. O(kFrames).
   void confirm(std::uint16_t tag, base::TimeUs now_us);
   [[nodiscard]] bool next_confirmed(FrameTile& tile);
   /// One tile after the other of frames that are lost by now: overtaken by kOvertaken later frames, passed
@@ -60,7 +59,7 @@ class LinkLedger {
   /// Whether somebody reports: a report came, and since then fewer than kMostTimeouts patiences in a row
   /// ended without one. Who does not report is not waited for.
   [[nodiscard]] bool heard() const { return heard_; }
-  /// A report came, with or without news.
+  /// A report came then, with or without news.
   void note_report(base::TimeUs now_us);
 
   /// Frames with tiles that are neither confirmed nor lost.

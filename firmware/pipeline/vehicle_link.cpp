@@ -706,7 +706,7 @@ bool Vehicle::fill_packet(proto::TilePacketEncoder& packet, TileId tile, std::si
     if (!added.ok()) {
       return true;
     }
-    frame_tiles_[tile_count] = FrameTile{tile, link_map_.epoch(tile), false, taken};
+    frame_tiles_[tile_count] = FrameTile{tile, link_map_.epoch(tile), taken};
     ++tile_count;
     counters_.cells_sent += static_cast<std::uint64_t>(added.value());
     const auto changed = static_cast<std::uint64_t>(link_map_.sent(tile, present, taken));

@@ -11,8 +11,12 @@ namespace {
 // Bytes up for bytes that came down: 1 in 14 of those sent where 3 of 10 are lost. The first are on credit.
 constexpr double kShare = 0.1;
 // And while something is missing this share of what the link could carry, so that few frames do not silence it.
-constexpr double kTimeShare = 0.01;
+constexpr double kTimeShare = 0.02;
 constexpr double kMostTimed_bytes = 32.0;
+// But only up to this share of what came lately, and a first few: where 3 of 10 are lost, 9 % of what was sent.
+constexpr double kMostShare = 0.125;
+constexpr double kSpare_bytes = 48.0;
+constexpr double kLately_s = 60.0;
 constexpr double kFirstBudget_bytes = 32.0;
 constexpr double kMostBudget_bytes = 256.0;
 constexpr double kRich_bytes = 64.0;
@@ -62,6 +66,7 @@ void UplinkPlanner::restart() {
 }
 
 void UplinkPlanner::note_frame(std::uint16_t tag, std::size_t wire_bytes, bool news) {
+  came_bytes_ += static_cast<double>(wire_bytes);
   budget_bytes_ =
       std::min(budget_bytes_ + kShare * static_cast<double>(wire_bytes), kMostBudget_bytes);
   const bool repeated = std::any_of(heard_.begin(), heard_.end(),
@@ -137,6 +142,7 @@ std::vector<std::uint8_t> UplinkPlanner::paid(const std::uint8_t* payload,
     return {};
   }
   budget_bytes_ -= cost;
+  spent_bytes_ += cost;
   sent_bytes_ += size.value();
   return {payload, payload + size.value()};
 }
@@ -144,10 +150,13 @@ std::vector<std::uint8_t> UplinkPlanner::paid(const std::uint8_t* payload,
 // A little for every second.
 void UplinkPlanner::earn(base::TimeUs now_us, const TileStore& store) {
   const double seconds = 1e-6 * static_cast<double>(now_us - earned_us_);
-  if (earned_us_ != 0 && budget_bytes_ < kMostTimed_bytes) {
+  const double kept = std::max(0.0, 1.0 - seconds / kLately_s);
+  came_bytes_ *= kept;
+  spent_bytes_ *= kept;
+  const bool modest = spent_bytes_ < kMostShare * came_bytes_ + kSpare_bytes;
+  if (earned_us_ != 0 && modest && budget_bytes_ < kMostTimed_bytes) {
     const double rate_bytes_s = static_cast<double>(store.hello().link_rate_bytes_s);
-    budget_bytes_ =
-        std::min(budget_bytes_ + kTimeShare * rate_bytes_s * seconds, kMostTimed_bytes);
+    budget_bytes_ = std::min(budget_bytes_ + kTimeShare * rate_bytes_s * seconds, kMostTimed_bytes);
   }
   earned_us_ = now_us;
 }
@@ -159,19 +168,20 @@ std::vector<std::uint8_t> UplinkPlanner::report(base::TimeUs now_us, const TileS
     if (news_seen_ > 0) {
       const base::TimeUs new_gap_us =
           (now_us - news_us_) / static_cast<base::TimeUs>(news_count_ - news_seen_);
-      news_gap_us_ = std::clamp(news_gap_us_ == 0 ? new_gap_us : (3 * news_gap_us_ + new_gap_us) / 4,
-                                kLeastGap_us, kMostGap_us);
+      news_gap_us_ =
+          std::clamp(news_gap_us_ == 0 ? new_gap_us : (3 * news_gap_us_ + new_gap_us) / 4,
+                     kLeastGap_us, kMostGap_us);
     }
     news_seen_ = news_count_;
     news_us_ = now_us;
   }
-  const bool owed = std::any_of(heard_.begin(), heard_.end(),
-                                [](const Heard& each) { return each.news && each.reports_left > 0; });
+  const bool owed = std::any_of(heard_.begin(), heard_.end(), [](const Heard& each) {
+    return each.news && each.reports_left > 0;
+  });
   const auto typical_us = static_cast<base::TimeUs>(1e6 * kTypicalNews_bytes /
                                                     std::max(1U, store.hello().link_rate_bytes_s));
-  const base::TimeUs gap_us =
-      news_gap_us_ == 0 ? std::min(typical_us, kMostGap_us) : news_gap_us_;
-  const base::TimeUs pause_us = 2 * std::max(gap_us, kLeastGap_us);
+  const base::TimeUs gap_us = news_gap_us_ == 0 ? std::min(typical_us, kMostGap_us) : news_gap_us_;
+  const base::TimeUs pause_us = std::max(gap_us + gap_us / 2, 2 * kLeastGap_us);
   const bool paused = now_us - news_us_ > pause_us && now_us - reported_us_ > pause_us;
   const base::TimeUs alive_us = unfinished ? std::max(pause_us, kAskAgain_us) : kKeepAlive_us;
   const bool silent = now_us - reported_us_ > alive_us;

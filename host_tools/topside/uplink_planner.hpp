@@ -78,6 +78,8 @@ class UplinkPlanner {
   std::optional<proto::Look> look_;
   base::TimeUs look_us_ = 0;
   base::TimeUs earned_us_ = 0;  ///< up to when time has been paid for
+  double came_bytes_ = 0.0;     ///< lately
+  double spent_bytes_ = 0.0;    ///< lately
   bool agreed_ = false;
 };
 

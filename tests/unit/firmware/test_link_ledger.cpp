@@ -18,7 +18,7 @@ constexpr TimeUs kSecond_us = 1'000'000;
 void send(std::uint16_t tag, TimeUs t_us, std::vector<std::uint32_t> tiles = {7}) {
   std::vector<FrameTile> carried;
   for (const std::uint32_t tile : tiles) {
-    carried.push_back({tile, 0, false, {}});
+    carried.push_back({tile, 0, {}});
   }
   assert_true(ledger.has_room(carried.size()));
   ledger.sent(tag, carried.data(), carried.size(), t_us);
@@ -44,7 +44,7 @@ std::vector<std::uint32_t> lost(TimeUs t_us, bool idle = false) {
 }
 
 TEST(a_frame_that_three_overtook_is_lost) {
-  ledger.reset();
+  ledger.reset(5 * kSecond_us);
   for (std::uint16_t tag = 0; tag < 5; ++tag) {
     send(tag, tag * 1000, {tag, 100U + tag});
   }
@@ -60,7 +60,7 @@ TEST(a_frame_that_three_overtook_is_lost) {
 }
 
 TEST(silence_takes_patience_and_in_the_end_nobody_listens) {
-  ledger.reset();
+  ledger.reset(5 * kSecond_us);
   send(1, 0);
   ledger.note_report(100'000);
   (void)confirmed(1, 100'000);
@@ -87,7 +87,7 @@ TEST(silence_takes_patience_and_in_the_end_nobody_listens) {
 }
 
 TEST(a_report_that_passes_over_a_frame_is_its_loss) {
-  ledger.reset();
+  ledger.reset(5 * kSecond_us);
   send(1, 0);
   ledger.note_report(50'000);
   (void)confirmed(1, 50'000);
@@ -95,11 +95,14 @@ TEST(a_report_that_passes_over_a_frame_is_its_loss) {
   send(3, 400'000, {10});
   ledger.note_report(450'000);
   assert_int_equal(confirmed(3, 450'000).size(), 1);
-  assert_true(lost(450'000) == std::vector<std::uint32_t>{9});
+  // It may have been overtaken on the way: not before a report that could name what did.
+  assert_true(lost(450'000).empty());
+  ledger.note_report(490'000);
+  assert_true(lost(490'000) == std::vector<std::uint32_t>{9});
 }
 
 TEST(the_oldest_makes_room) {
-  ledger.reset();
+  ledger.reset(5 * kSecond_us);
   for (std::uint32_t k = 0; k < LinkLedger::kFrames; ++k) {
     send(static_cast<std::uint16_t>(k), k, {k});
   }
@@ -114,7 +117,7 @@ TEST(the_oldest_makes_room) {
 
 // One name, two frames: a report that names it may mean either, so neither counts as come.
 TEST(frames_that_share_a_name_both_go_again) {
-  ledger.reset();
+  ledger.reset(5 * kSecond_us);
   send(7, 0, {1});
   send(8, 1000, {2});
   send(7, 2000, {3});
@@ -130,7 +133,7 @@ TEST(frames_that_share_a_name_both_go_again) {
 
 // A frame whose name a report has told already: to tell it once more is not the news of another that bears it.
 TEST(a_name_told_before_confirms_no_later_frame) {
-  ledger.reset();
+  ledger.reset(5 * kSecond_us);
   send(7, 0, {1});
   ledger.note_report(1000);
   assert_true(confirmed(7, 1000) == std::vector<std::uint32_t>{1});
@@ -140,7 +143,7 @@ TEST(a_name_told_before_confirms_no_later_frame) {
 }
 
 TEST(loss_is_estimated) {
-  ledger.reset();
+  ledger.reset(5 * kSecond_us);
   Random random(5);
   std::uint32_t sum = 0;
   for (int k = 0; k < 4000; ++k) {
@@ -160,7 +163,7 @@ TEST(loss_is_estimated) {
 // Any order of sending, reporting and losing: every tile of every frame ends in exactly one way.
 TEST(every_frame_has_one_fate) {
   for (std::uint64_t seed = 0; seed < 200; ++seed) {
-    ledger.reset();
+    ledger.reset(5 * kSecond_us);
     Random random(seed);
     std::vector<int> fates;
     TimeUs t_us = 0;
