@@ -296,18 +296,45 @@ bool TilePager::is_unseen(const Grid& grid, TileId tile) const {
   return saved_[tile] != 0 && grid.tile(tile).generation == 0;
 }
 
+bool TilePager::any_unseen(const Grid& grid) const {
+  bool unseen = false;
+  for (TileId id = 0; id < grid.tile_count(); ++id) {
+    unseen = unseen || is_unseen(grid, id);
+  }
+  return unseen;
+}
+
+TilePager::Leaving TilePager::farthest_tiles(const PagerSituation& situation,
+                                             const Grid& grid) const {
+  const TileBox here = box_around(situation.north_cells, situation.east_cells, grid);
+  const TileBox ahead = box_around(situation.ahead_north_cells, situation.ahead_east_cells, grid);
+  Leaving leaving{};
+  for (TileId id = 0; id < grid.tile_count(); ++id) {
+    const std::int32_t n = static_cast<std::int32_t>(id) / grid.tiles_east();
+    const std::int32_t e = static_cast<std::int32_t>(id) % grid.tiles_east();
+    if (!grid.resident(id) || id == saving_ || in_box(here, n, e) || in_box(ahead, n, e) ||
+        in_box(situation.wanted, n, e)) {
+      continue;
+    }
+    Farthest& kind = is_dirty(grid, id)       ? leaving.dirty
+                     : is_read(grid.tile(id)) ? leaving.ready
+                                              : leaving.unread;
+    const std::int32_t far =
+        max_of(distance(n, situation.north_cells >> 4), distance(e, situation.east_cells >> 4));
+    if (far > kind.away) {
+      kind = Farthest{id, far};
+    }
+  }
+  return leaving;
+}
+
 // Sends the farthest tiles away while less than an eighth of the window is free; while there are tiles of an earlier
 // run to be looked at, more than a quarter.
 void TilePager::make_room(const PagerSituation& situation, Grid& grid, StoreOutput& output) {
   if (!has_store_ || !situation.placed || all_fit(grid)) {
     return;
   }
-  const TileBox here = box_around(situation.north_cells, situation.east_cells, grid);
-  const TileBox ahead = box_around(situation.ahead_north_cells, situation.ahead_east_cells, grid);
-  bool unseen = false;
-  for (TileId id = 0; id < grid.tile_count(); ++id) {
-    unseen = unseen || is_unseen(grid, id);
-  }
+  const bool unseen = any_unseen(grid);
   const std::uint32_t free_wanted =
       unseen ? grid.page_count() / 4 + 1 : max_of<std::uint32_t>(1, grid.page_count() / 8);
   for (int round = 0; round < kEvictedPerCycle; ++round) {
@@ -315,41 +342,16 @@ void TilePager::make_room(const PagerSituation& situation, Grid& grid, StoreOutp
     if (free_now >= free_wanted) {
       return;
     }
-    TileId farthest = kNoTile;
-    TileId farthest_dirty = kNoTile;
-    TileId farthest_unread = kNoTile;
-    std::int32_t away = -1;
-    std::int32_t away_dirty = -1;
-    std::int32_t away_unread = -1;
-    for (TileId id = 0; id < grid.tile_count(); ++id) {
-      const std::int32_t n = static_cast<std::int32_t>(id) / grid.tiles_east();
-      const std::int32_t e = static_cast<std::int32_t>(id) % grid.tiles_east();
-      if (!grid.resident(id) || id == saving_ || in_box(here, n, e) || in_box(ahead, n, e) ||
-          in_box(situation.wanted, n, e)) {
-        continue;
-      }
-      const std::int32_t far =
-          max_of(distance(n, situation.north_cells >> 4), distance(e, situation.east_cells >> 4));
-      if (is_dirty(grid, id)) {
-        farthest_dirty = far > away_dirty ? id : farthest_dirty;
-        away_dirty = max_of(away_dirty, far);
-      } else if (!is_read(grid.tile(id))) {
-        farthest_unread = far > away_unread ? id : farthest_unread;
-        away_unread = max_of(away_unread, far);
-      } else if (far > away) {
-        farthest = id;
-        away = far;
-      }
-    }
-    if (farthest == kNoTile) {
-      output.read = (free_now == 0 || unseen) && farthest_unread != kNoTile;
-      output.read_tile = farthest_unread;
-      if (farthest_dirty != kNoTile && saving_ == kNoTile) {
-        save(farthest_dirty, grid, output);
+    const Leaving leaving = farthest_tiles(situation, grid);
+    if (leaving.ready.tile == kNoTile) {
+      output.read = (free_now == 0 || unseen) && leaving.unread.tile != kNoTile;
+      output.read_tile = leaving.unread.tile;
+      if (leaving.dirty.tile != kNoTile && saving_ == kNoTile) {
+        save(leaving.dirty.tile, grid, output);
       }
       return;
     }
-    grid.page_out(farthest);
+    grid.page_out(leaving.ready.tile);
     ++counters_.tiles_evicted;
   }
 }

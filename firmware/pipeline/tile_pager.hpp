@@ -124,8 +124,21 @@ class TilePager {
   [[nodiscard]] std::uint32_t saved_generation(model::TileId tile) const { return saved_[tile]; }
 
  private:
+  static constexpr model::TileId kNoTile = UINT32_MAX;
+
+  struct Farthest {
+    model::TileId tile = kNoTile;
+    std::int32_t away = -1;
+  };
+  /// Of the tiles away from vehicle and track: free to leave, not read yet, not saved yet.
+  struct Leaving {
+    Farthest ready, unread, dirty;
+  };
   [[nodiscard]] bool is_dirty(const model::Grid& grid, model::TileId tile) const;
   [[nodiscard]] bool is_unseen(const model::Grid& grid, model::TileId tile) const;
+  [[nodiscard]] bool any_unseen(const model::Grid& grid) const;
+  [[nodiscard]] Leaving farthest_tiles(const PagerSituation& situation,
+                                       const model::Grid& grid) const;
   [[nodiscard]] bool bring(model::TileId tile, model::Grid& grid, StoreOutput& output);
   [[nodiscard]] bool bring_box(const model::TileBox& box, model::Grid& grid, StoreOutput& output);
   void make_room(const PagerSituation& situation, model::Grid& grid, StoreOutput& output);
@@ -139,8 +152,6 @@ class TilePager {
   void abandon_load(model::Grid& grid);
   [[nodiscard]] model::TileBox box_around(std::int32_t north_cells, std::int32_t east_cells,
                                           const model::Grid& grid) const;
-
-  static constexpr model::TileId kNoTile = UINT32_MAX;
 
   std::int32_t radius_tiles_ = 0;
   bool has_store_ = false;

@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import random
+import resource
 import select
 import signal
 import socket
@@ -20,7 +21,7 @@ from vehicle import OK, PATIENCE_S, Case, Instruments, Ping1d, Pty, crc32c, fram
 
 LEADLINE = os.environ["LEADLINE"]
 REPLAY = pathlib.Path(os.environ["LEADLINE_BUILD"]) / "firmware" / "leadline-replay"
-USAGE, REFUSED, NO_ANSWER = 2, 6, 7
+USAGE, OUTPUT, REFUSED, NO_ANSWER = 2, 4, 6, 7
 
 
 def frame_of(payload):
@@ -117,10 +118,7 @@ class Commands(Case):
                 if payload[0] == 7]
 
     def test_a_flight_with_commands_through_a_bad_link_replays(self):
-        sonar, instruments = Ping1d(), Instruments()
-        ptys = [Pty(self.dir / "sonar"), Pty(self.dir / "nmea")]
-        for pty in ptys:
-            self.addCleanup(pty.close)
+        sonar = Ping1d()
         self.connect(loss=0.3)
         process = self.start()
         said, failures = [], []
@@ -140,10 +138,8 @@ class Commands(Case):
                 failures.append(error)
         talker = threading.Thread(target=talk)
         talker.start()
-        listen, self.listen = self.listen, lambda: None  # the relay has the socket
-        self.serve(process, sonar, instruments, *ptys, lambda: not talker.is_alive())
+        self.fly(process, sonar, lambda: not talker.is_alive())
         talker.join()
-        self.listen = listen
         self.assertEqual(failures, [])
         self.assertEqual([each["result"] for each in said], ["done", "done", "done", "out_of_range", "not_here",
                                                              "done", "done", "done", "done"])
@@ -246,7 +242,7 @@ class Commands(Case):
             other = self.dir / f"{words[0]}.key"
             self.leadline(OK, "key", "new", other, "--vehicle", "3")
             self.order(NO_ANSWER, "stop", key=other, timeout=1, link=link)
-            again = self.leadline(4, *words, "--link", "udp:@127.0.0.1:0", "--share", shared)
+            again = self.leadline(OUTPUT, *words, "--link", "udp:@127.0.0.1:0", "--share", shared)
             self.assertIn("in use", again.stderr)
             holder.send_signal(signal.SIGINT)
             self.assertEqual(holder.wait(PATIENCE_S), OK, holder.stderr.read())
@@ -256,6 +252,60 @@ class Commands(Case):
         done = self.leadline(USAGE, "receive", "--link", f"file:{self.log}", "--share", self.dir / "no")
         self.assertIn("is no link to share", done.stderr)
         self.stop(process)
+
+    def fly(self, process, sonar, until):
+        """Devices on ptys until `until()`."""
+        ptys = [Pty(self.dir / "sonar"), Pty(self.dir / "nmea")]
+        for pty in ptys:
+            self.addCleanup(pty.close)
+        listen, self.listen = self.listen, lambda: None  # the relay has the socket
+        self.serve(process, sonar, Instruments(), *ptys, until)
+        self.listen = listen
+
+    def test_saved_by_command_it_is_on_the_disk(self):
+        self.config.write_text(self.config.read_text() + "[store]\npath = \"map.llp\"\n")
+        self.connect()
+        process = self.start()
+        sonar = Ping1d()
+        self.fly(process, sonar, lambda: sonar.answers > 60 and self.relay.vehicle is not None)
+        self.assertEqual(self.order(OK, "stop")["result"], "done")
+        self.assertEqual(self.order(OK, "save")["result"], "done")
+        time.sleep(1.0)  # a tile a cycle: 16 of them
+        process.kill()  # as a power cut
+        process.communicate()
+        flown = self.known_cells(self.log)
+        self.assertGreater(flown, 0)
+        again = self.dir / "again.lll"
+        self.config.write_text(self.config.read_text().replace("survey.lll", "again.lll"))
+        process = self.start()
+        self.relay.vehicle = None
+        self.wait_for(lambda: self.relay.vehicle is not None)
+        time.sleep(1.5)
+        _, err = self.stop(process)
+        self.assertIn("resumes a map of", err)
+        self.assertEqual(self.known_cells(again), flown)
+
+    def known_cells(self, log):
+        return json.loads(self.leadline(OK, "receive", "--link", f"file:{log}", "--json").stdout)["known_cells"]
+
+    def test_a_full_disk_for_the_counter_refuses_commands(self):
+        self.connect()
+        process = self.start()
+        self.wait_for(lambda: self.relay.vehicle is not None)
+        self.order(OK, "stop")
+        taken = self.dir / "command.key.taken"
+        before, answers = taken.read_text(), len(self.answers())
+        # Nothing that the vehicle writes may be longer than that: neither counter nor log.
+        limits = resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (16, resource.RLIM_INFINITY))
+        self.order(NO_ANSWER, "start", timeout=2)
+        self.assertEqual(taken.read_text(), before)
+        self.assertEqual(len(self.answers()), answers)
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, limits)
+        # With room again: the next command is taken, and the one before was never done.
+        self.assertEqual(self.order(OK, "stop")["counter"], 3)
+        self.assertIn("counter 3\n", taken.read_text())
+        _, err = self.stop(process, OUTPUT)  # its log has a gap
+        self.assertIn("commands are refused, their counter cannot be written: File too large", err)
 
     def test_keys_that_are_none_are_refused_with_what_to_do(self):
         self.connect()
@@ -283,7 +333,7 @@ class Commands(Case):
         done = self.run_vehicle("--config", self.config, "--check-config")
         self.assertIn("is the key of vehicle 4, this one is [commands] vehicle = 3", done.stderr)
         self.key.write_text(text)
-        self.leadline(4, "key", "new", self.key)
+        self.leadline(OUTPUT, "key", "new", self.key)
         taken = self.dir / "command.key.taken"
         for content, words in [("leadline-counter 1\n", "damaged"),
                                (taken.read_text().replace("key ", "key 1", 1)[:30], "damaged"),
