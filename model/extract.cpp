@@ -178,6 +178,17 @@ void discount_lone(Neighbour* window, int count) {
   }
 }
 
+/// What a horizontal variance, in cells^2 below 2^45, does to the depth on a slope of at most 2^22. From eight cells
+/// of sigma on with fewer bits, and no more than 512 cells: the product has to fit.
+std::int64_t along_slope_q16(std::int32_t slope_q12, std::int64_t variance_q12) {
+  constexpr std::int64_t kExact_q12 = 1 << 18;
+  constexpr std::int64_t kMost_q12 = 1 << 30;
+  const std::int64_t square_q24 = static_cast<std::int64_t>(slope_q12) * slope_q12;
+  return variance_q12 <= kExact_q12
+             ? mul_shift(square_q24, variance_q12, 20)
+             : mul_shift(square_q24 >> 12, min_of(variance_q12, kMost_q12), 8);
+}
+
 }  // namespace
 
 // Rectangle of tiles, all bounds inclusive.
@@ -467,10 +478,8 @@ void Model::assess_column(std::int32_t n, std::int32_t e) {
       kFloor_q16;
   // Declared correlated errors: a floor, never averaged.
   variance_q16 += correlated_q12_[2] << 4;
-  variance_q16 += mul_shift(static_cast<std::int64_t>(slope.north_q12) * slope.north_q12,
-                            correlated_q12_[0], 20);
-  variance_q16 +=
-      mul_shift(static_cast<std::int64_t>(slope.east_q12) * slope.east_q12, correlated_q12_[1], 20);
+  variance_q16 += along_slope_q16(slope.north_q12, correlated_q12_[0]);
+  variance_q16 += along_slope_q16(slope.east_q12, correlated_q12_[1]);
   own.sigma_q12 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16) << 8U);
 }
 
