@@ -5,7 +5,8 @@
 #   --arch   amd64 (default), arm64: leadline-vehicle and leadline; armhf: leadline-vehicle
 #   --try    amd64: installs both in a Debian system of their own (debootstrap), where the vehicle maps an emulated survey
 #            and stops in order, the unit and the rules are checked by systemd's own tools, and upgrade, removal and purge
-#            leave and take what they should; needs root. arm64, armhf: unpacks the packages and what they depend on,
+#            leave and take what they should; in a container with a systemd of its own the service starts, begins again when
+#            it is killed or stands still, is upgraded and removed; needs root. arm64, armhf: unpacks the packages and what they depend on,
 #            nothing else, and runs the programs there, under QEMU
 #
 # Leaves them in build/<preset>/packages. Installs and builds what it needs.
@@ -102,7 +103,7 @@ in_system id leadline
 in_system test -f /etc/leadline/vehicle.toml
 in_system test -f /usr/lib/systemd/system/leadline-vehicle.service
 say "what systemd says of the unit and of the rules"
-in_system apt-get install -y --no-install-recommends systemd udev >"$scratch/log" 2>&1 ||
+in_system apt-get install -y --no-install-recommends systemd systemd-sysv dbus udev >"$scratch/log" 2>&1 ||
   die "no systemd: $(tail -n 5 "$scratch/log")"
 in_system systemd-analyze verify --man=no leadline-vehicle.service
 in_system systemd-analyze security --offline=true --threshold=25 --no-pager leadline-vehicle.service | tail -n 1
@@ -165,4 +166,25 @@ grep -q '^# mine' "$settings" || die "the configuration went with the program"
 quietly in_system dpkg -P leadline-vehicle
 [ ! -e "$settings" ] || die "purged, and the configuration is still there"
 [ -e "$system/var/lib/leadline/survey.lll" ] || die "a log went with the program"
+rm "$system/var/lib/leadline/survey.lll"
+say "the service, under a systemd of its own"
+quietly in_system sh -c 'dpkg -i /tmp/leadline*.deb'
+umount "$system/dev/pts" "$system/sys" "$system/proc"
+mv "$system/tmp/9.1.deb" "$system/opt/next.deb"
+cp "$root/toolchain/packaging/service_trial.sh" "$system/opt"
+cat >"$system/etc/systemd/system/trial.service" <<'UNIT'
+[Unit]
+After=multi-user.target
+[Service]
+Type=oneshot
+ExecStart=/opt/service_trial.sh
+UNIT
+mkdir -p "$system/etc/systemd/system/graphical.target.wants"
+ln -s ../trial.service "$system/etc/systemd/system/graphical.target.wants"
+# Memory is locked and SCHED_FIFO had by what the unit says; a container may neither unless told.
+timeout 600 systemd-nspawn -q --register=no --keep-unit --capability=CAP_IPC_LOCK,CAP_SYS_NICE,CAP_SYS_RESOURCE \
+  --system-call-filter='@memlock @resources' -D "$system" -b </dev/null >"$scratch/log" 2>&1 ||
+  die "the container does not end: $(tail -n 5 "$scratch/log")"
+[ "$(tail -n 1 "$system/opt/trial")" = held ] || die "$(cat "$system/opt/trial")"
+grep -a 'memory\|began\|^map_hash' "$system/opt/trial"
 echo "package: amd64 tried"

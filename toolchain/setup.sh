@@ -71,7 +71,7 @@ while [ $# -gt 0 ]; do
       ;;
     --full) packages+=("${full_packages[@]}") ;;
     --clang) packages+=(clang-14) ;;
-    --packages) packages+=(dpkg-dev debootstrap) ;;
+    --packages) packages+=(dpkg-dev debootstrap systemd-container) ;;
     --cross) packages+=("${cross_packages[@]}") ;;
     --m7) packages+=("${m7_packages[@]}") ;;
     --dry-run) dry_run=1 ;;
