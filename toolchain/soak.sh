@@ -2,13 +2,14 @@
 # Runs the long trials and reports what was reached.
 #
 # usage: toolchain/soak.sh [--minutes N] [--work-bound-pings N]
+#        toolchain/soak.sh --targets N [--from FIRST]
 #        toolchain/soak.sh --sensors|--transports [--minutes N]
 #   --minutes N            in all (default 60): a quarter each for fuzzing, for mapping and for the search
 #                          for the worst ping; the tests labelled full take what they take
 #   --work-bound-pings N   pings per configuration of that search (default: what a quarter of the time
 #                          allows, 7,500 per minute; a billion in all is 32,000,000)
 #   --targets N            only this: N random flights replayed on every target (toolchain/replay-on.sh):
-#                          the same hashes
+#                          the same hashes. In batches of 100, each told when it is done; --from goes on behind FIRST of them
 #   --sensors              only this, for N minutes (default 10): all emulated devices at ten times their
 #                          rate, lines that break at random. In = fused + shed + rejected, to the byte and
 #                          the record; no growth in memory or descriptors
@@ -30,6 +31,7 @@ minutes=
 bound_pings=
 sensors_only=false
 target_logs=0
+first_log=0
 transports_only=false
 while [ $# -gt 0 ]; do
   case $1 in
@@ -49,6 +51,11 @@ while [ $# -gt 0 ]; do
       target_logs=$2
       shift
       ;;
+    --from)
+      [ $# -ge 2 ] || usage_error "--from wants a number of logs"
+      first_log=$2
+      shift
+      ;;
     --transports) transports_only=true ;;
     -h | --help)
       print_help
@@ -59,15 +66,17 @@ while [ $# -gt 0 ]; do
   shift
 done
 
+case $target_logs$first_log in *[!0-9]*) usage_error "--targets and --from want whole numbers" ;; esac
 if [ "$target_logs" -gt 0 ]; then
   "$root/toolchain/setup.sh" --clang --cross --m7
   configure_and_build release property.random_logs
-  # In batches: their logs are 100 MB at a time.
-  for ((first = 0; first < target_logs; first += 500)); do
+  # In batches: their logs are 20 MB at a time.
+  for ((first = first_log; first < target_logs; first += 100)); do
     left=$((target_logs - first))
     LEADLINE_ROOT=$root LEADLINE_BUILD=$root/build/release LEADLINE_SAME_BITS_SEED=$((20270000 + first)) \
-      LEADLINE_SAME_BITS_COUNT=$((left < 500 ? left : 500)) python3 "$root/tests/cli/test_same_bits_ci.py" |
+      LEADLINE_SAME_BITS_COUNT=$((left < 100 ? left : 100)) python3 "$root/tests/cli/test_same_bits_ci.py" |
       grep -v '^  \|^\['
+    echo "soak: random logs up to $((left < 100 ? target_logs : first + 100)) of $target_logs are the same everywhere"
   done
   echo "soak: $target_logs random logs, the same on every target"
   exit 0
