@@ -106,6 +106,12 @@ done
 find "$sysroot.new" -xdev -type l -lname '/*' | while read -r link; do
   ln -sfr "$sysroot.new$(readlink "$link")" "$link"
 done
+# What packages leave to the choice of their scripts (update-alternatives).
+for library in blas lapack; do
+  for path in "$sysroot.new"/usr/lib/*/$library/lib$library.so.3; do
+    [ ! -e "$path" ] || ln -sf "$library/${path##*/}" "${path%/*/*}/${path##*/}"
+  done
+done
 printf '%s\n' $wanted | sort -u >"$sysroot.new/.complete"
 rm -rf "$sysroot"
 mv "$sysroot.new" "$sysroot"
