@@ -17,7 +17,7 @@ constexpr int kEvenTimeouts = 3;
 // A line is fast when all that is under way since it was idle took less than so many round trips.
 constexpr TimeUs kFastTrips = 8;
 // One frame of so many may go again before anything is known of the first.
-constexpr std::uint32_t kFramesPerHasty = 12;
+constexpr std::uint32_t kFramesPerHasty = 30;
 constexpr std::uint32_t kFirstLoss_q16 = 19'661;
 // The estimate follows the last 16 frames.
 constexpr unsigned kLossMemory_log2 = 4;

@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <deque>
-#include <map>
 #include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
 
-#include "host_tools/sim/random.hpp"
 #include "proto/framing.hpp"
 
 namespace leadline::host {
@@ -21,65 +19,6 @@ using base::TimeUs;
 constexpr TimeUs kSettle_us = 15'000'000;
 constexpr TimeUs kLongestSettle_us = 7'200'000'000;
 constexpr TimeUs kTopsidePoll_us = 20'000;
-
-/// One way of a line: frames in, frames out later, or never, or twice.
-class Line {
- public:
-  Line(const LineOptions& options, std::uint64_t stream)
-      : options_(options), random_(options.seed, stream) {}
-
-  /// Whether it will arrive.
-  bool send(TimeUs now_us, const std::uint8_t* frame, std::size_t size_bytes, bool cut) {
-    const double take_us = 1e6 * static_cast<double>(size_bytes) / options_.bytes_per_s;
-    idle_us_ += std::max(0.0, static_cast<double>(now_us) - free_us_);
-    free_us_ = std::max(free_us_, static_cast<double>(now_us)) + take_us;
-    // Four draws a frame, whatever becomes of it: fates depend on the frame's number alone.
-    const bool lost = random_.uniform() < options_.loss;
-    const bool late = random_.uniform() < options_.reorder;
-    const bool twice = random_.uniform() < options_.duplicate;
-    const double followers = 1.0 + 2.0 * random_.uniform();
-    if (lost || cut) {
-      return false;
-    }
-    const double step_us = std::max(take_us, 1000.0);
-    const double arrival_us = free_us_ + static_cast<double>(options_.delay_us);
-    const double late_us = late ? followers * step_us + 1.0 : 0.0;
-    put(arrival_us + late_us, frame, size_bytes);
-    if (twice) {
-      put(arrival_us + late_us + step_us / 2.0, frame, size_bytes);
-    }
-    return true;
-  }
-
-  /// The next frame that arrives until then, and when.
-  [[nodiscard]] std::optional<std::pair<TimeUs, Bytes>> receive(TimeUs until_us) {
-    if (under_way_.empty() || under_way_.begin()->first > until_us) {
-      return std::nullopt;
-    }
-    auto next = std::make_pair(under_way_.begin()->first, std::move(under_way_.begin()->second));
-    under_way_.erase(under_way_.begin());
-    return next;
-  }
-  /// Until `now_us`, with nothing to carry.
-  [[nodiscard]] double idle_us(TimeUs now_us) const {
-    return idle_us_ + std::max(0.0, static_cast<double>(now_us) - free_us_);
-  }
-  void begin(TimeUs now_us) { free_us_ = static_cast<double>(now_us); }
-  [[nodiscard]] TimeUs next_us() const {
-    return under_way_.empty() ? INT64_MAX : under_way_.begin()->first;
-  }
-
- private:
-  void put(double arrival_us, const std::uint8_t* frame, std::size_t size_bytes) {
-    under_way_.emplace(static_cast<TimeUs>(arrival_us), Bytes(frame, frame + size_bytes));
-  }
-
-  const LineOptions& options_;
-  Random random_;
-  double free_us_ = 0.0;
-  double idle_us_ = 0.0;
-  std::multimap<TimeUs, Bytes> under_way_;
-};
 
 /// Whole frames of a downlink, one by one: `each(data, size)`.
 template <typename Each>
@@ -291,8 +230,8 @@ class Trial {
   TimeUs* t_us_;
   const LinkTrialOptions& options_;
   const Watch& watch_;
-  Line down_;
-  Line up_;
+  LossyLine down_;
+  LossyLine up_;
   Comparison comparison_;
   std::unique_ptr<Receiver> receiver_;
   TimeUs begin_us_ = 0;

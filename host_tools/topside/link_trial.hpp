@@ -6,20 +6,11 @@
 #include <functional>
 
 #include "firmware/pipeline/vehicle.hpp"
+#include "host_tools/topside/lossy_line.hpp"
 #include "host_tools/topside/receiver.hpp"
 #include "model/base/units.hpp"
 
 namespace leadline::host {
-
-/// A line, both ways alike. What is lost, late or doubled is decided frame by frame.
-struct LineOptions {
-  double bytes_per_s = 960.0;
-  double loss = 0.0;
-  double reorder = 0.0;  ///< share that arrives behind up to three of its followers
-  double duplicate = 0.0;
-  base::TimeUs delay_us = 5000;  ///< one way, besides what the bytes take
-  std::uint64_t seed = 1;
-};
 
 struct LinkTrialOptions {
   LineOptions line;

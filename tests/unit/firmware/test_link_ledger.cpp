@@ -59,6 +59,30 @@ TEST(a_frame_that_three_overtook_is_lost) {
   assert_true(confirmed(1, 7000).size() == 2);
 }
 
+// Frames' numbers begin two rings before they wrap.
+TEST(three_overtake_across_number_0) {
+  for (std::uint32_t before = 1; before <= 3; ++before) {
+    ledger.reset(5 * kSecond_us);
+    TimeUs t_us = 0;
+    for (std::uint32_t k = 0; k < 2 * LinkLedger::kFrames - before; ++k) {
+      send(static_cast<std::uint16_t>(1000 + k), ++t_us);
+      ledger.note_report(t_us);
+      assert_int_equal(confirmed(static_cast<std::uint16_t>(1000 + k), t_us).size(), 1);
+    }
+    assert_int_equal(ledger.under_way_frames(), 0);
+    for (std::uint16_t tag = 1; tag <= 4; ++tag) {
+      send(tag, ++t_us, {tag});
+    }
+    ledger.note_report(t_us);
+    assert_int_equal(confirmed(3, t_us).size(), 1);
+    assert_true(lost(t_us).empty());
+    assert_int_equal(confirmed(4, t_us).size(), 1);
+    assert_true(lost(t_us) == std::vector<std::uint32_t>{1});
+    assert_int_equal(confirmed(2, t_us).size(), 1);
+    assert_int_equal(ledger.under_way_frames(), 0);
+  }
+}
+
 TEST(silence_takes_patience_and_in_the_end_nobody_listens) {
   ledger.reset(5 * kSecond_us);
   send(1, 0);
