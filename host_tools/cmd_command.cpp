@@ -168,7 +168,8 @@ void add_command_command(CLI::App* app, CommandRun* run) {
       "Examples:\n"
       "  leadline command --link udp:@:9100 --key command.key stop\n"
       "  leadline command --link udp:@:9100 --key command.key set link_rate_bytes_s=960\n"
-      "  leadline command --link unix:/tmp/leadline.sock --key command.key slice north");
+      "  leadline command --link unix:$XDG_RUNTIME_DIR/leadline.sock --key command.key slice "
+      "north");
 }
 
 }  // namespace leadline::host

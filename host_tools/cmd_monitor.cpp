@@ -53,7 +53,7 @@ void add_monitor_command(CLI::App* app, CommandRun* run) {
       "In the page, H lists the keys.\n\n"
       "Examples:\n"
       "  leadline monitor --link udp:@:9100\n"
-      "  leadline monitor --link udp:@:9100 --share /tmp/leadline.sock\n"
+      "  leadline monitor --link udp:@:9100 --share $XDG_RUNTIME_DIR/leadline.sock\n"
       "  leadline monitor --link serial:/dev/ttyUSB0:9600 --budget 960 --out map\n"
       "  leadline monitor --link file:survey.lll --speed 10");
   command->callback([options, run] { *run = [options] { return run_monitor(*options); }; });

@@ -59,7 +59,7 @@ void add_receive_command(CLI::App* app, CommandRun* run) {
       "Examples:\n"
       "  leadline receive --link udp:@:9100 --out map --every 10\n"
       "  leadline receive --link udp:@:9100 --store surveys.lls\n"
-      "  leadline receive --link udp:@:9100 --out map --share /tmp/leadline.sock\n"
+      "  leadline receive --link udp:@:9100 --out map --share $XDG_RUNTIME_DIR/leadline.sock\n"
       "  leadline receive --link file:survey.lll --out map");
   command->callback([options, run] { *run = [options] { return run_receive(*options); }; });
 }

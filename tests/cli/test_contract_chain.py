@@ -15,23 +15,14 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
 from contract import COMPARISON, INPUT, LEADLINE, OK, OUTPUT, USAGE, Case  # noqa: E402
+from vehicle import VEHICLE, crc32c  # noqa: E402
 
-VEHICLE = os.environ["LEADLINE_VEHICLE"]
 # Ten by ten metres in three lines: a minute and a half, flown in about a second.
 SMALL = ["--set", "north_count=40", "--set", "east_count=40", "--set", "line_spacing_m=4",
          "--set", "settle_s=2"]
 MAP = ["depth.asc", "depth.png", "depth.tif", "receive.json", "sigma.asc"]
 DATUM = "sea surface"
 PATIENCE_S = 60  # for what takes a moment; nothing here asserts how long it took
-
-
-def crc32c(data):
-    crc = 0xFFFFFFFF
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc >> 1) ^ (0x82F63B78 if crc & 1 else 0)
-    return crc ^ 0xFFFFFFFF
 
 
 def cobs(data):
