@@ -18,6 +18,7 @@
 #include "host_tools/monitor/web_server.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/stop_signals.hpp"
+#include "host_tools/store/live_store.hpp"
 #include "host_tools/text.hpp"
 #include "host_tools/topside/link_reader.hpp"
 #include "host_tools/topside/live_line.hpp"
@@ -60,11 +61,19 @@ class Monitor {
       if (!options.share_path.empty()) {
         throw HostError(ExitCode::kUsage, "--share: " + *path + " is no link to share");
       }
+      if (!options.store_path.empty()) {
+        throw HostError(
+            ExitCode::kUsage,
+            "--store: " + *path + " is played; receive brings a recording into a store");
+      }
       player_.emplace(*path, options.speed);
     } else {
       link_.emplace(options.link_uri, "monitor");
       if (!options.share_path.empty()) {
         link_->share(options.share_path);
+      }
+      if (!options.store_path.empty()) {
+        store_.emplace(options.store_path, [this](const std::string& text) { say(text); });
       }
     }
     begin_receiver();
@@ -86,14 +95,28 @@ class Monitor {
       server_->run_for(player_ && player_->seeking() ? 0 : kRound_ms);
     }
     line_.wipe();
+    if (store_ && receiver_->store() != nullptr) {
+      store_->keep(*receiver_->store());
+    }
     write(options_.out_dir);
+    if (store_) {
+      store_->require_whole();
+    }
     return static_cast<int>(ExitCode::kOk);
   }
 
  private:
   void begin_receiver() {
     receiver_ = std::make_unique<Receiver>();
+    receiver_->on_begun = [this](TileStore& begun) {
+      if (store_) {
+        store_->begin(&begun);
+      }
+    };
     receiver_->on_replaced = [this](const TileStore& ended) {
+      if (store_) {
+        store_->end(ended);
+      }
       if (!options_.out_dir.empty() && ended.known_cells() > 0 && !player_) {
         write_received_map(earlier_map_dir(options_.out_dir, ended.hello()), ended, summary());
       }
@@ -156,6 +179,9 @@ class Monitor {
     }
     follow();
     state_.follow(*receiver_, now);
+    if (store_ && receiver_->store() != nullptr) {
+      store_->follow(*receiver_->store(), now);
+    }
   }
 
   void play(double now) {
@@ -256,6 +282,7 @@ class Monitor {
   const MonitorOptions& options_;
   std::optional<Player> player_;
   std::optional<LinkReader> link_;
+  std::optional<LiveStore> store_;
   std::unique_ptr<Receiver> receiver_;
   const std::string palettes_ = palettes_json();
   LiveMap map_;

@@ -9,6 +9,7 @@ struct MonitorOptions {
   std::string link_uri;  ///< as for receive; a regular file (file:PATH) is played
   std::string http = "127.0.0.1:8080";
   std::string share_path;     ///< local socket that lends the link (topside/link_share.hpp)
+  std::string store_path;     ///< surveys on disk (store/survey_store.hpp); "" = none
   std::string out_dir;        ///< map and receive.json at the end; "" = none
   double budget_bytes_s = 0;  ///< what the link may carry; 0: as the vehicle says
   double speed = 0;           ///< recordings: play from the beginning; 0: stand at the end
@@ -16,7 +17,8 @@ struct MonitorOptions {
 };
 
 /// The command: until SIGINT or SIGTERM. Returns 0. Throws HostError: kUsage (URI, address, port in use), kInput
-/// (a file that cannot be read or holds no link), kOutput.
+/// (a file that cannot be read or holds no link; the store is none), kOutput (also when the store lacks something at the
+/// end).
 int run_monitor(const MonitorOptions& options);
 
 }  // namespace leadline::host

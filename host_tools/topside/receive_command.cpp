@@ -10,7 +10,7 @@
 #include "host_tools/map_output.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/stop_signals.hpp"
-#include "host_tools/store/survey_store.hpp"
+#include "host_tools/store/live_store.hpp"
 #include "host_tools/text.hpp"
 #include "host_tools/topside/flight_log.hpp"
 #include "host_tools/topside/link_reader.hpp"
@@ -23,8 +23,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kPoll_ms = 50;
 constexpr double kShowEvery_s = 0.5;
-// What a power cut can cost.
-constexpr double kStoreEvery_s = 1.0;
 // A link that said something and now nothing is told so after this; a slow one after twice its longest
 // pause, so that it is not told so over and over.
 constexpr double kSilence_s = 10.0;
@@ -53,12 +51,17 @@ class Session {
       link_.share(options.share_path);
     }
     if (!options.store_path.empty()) {
-      keeper_.emplace(options.store_path);
+      store_.emplace(options.store_path, [this](const std::string& text) { say(text); });
     }
-    receiver_.on_begun = [this](TileStore& begun) { resume(&begun); };
+    receiver_.on_begun = [this](TileStore& begun) {
+      if (store_) {
+        store_->begin(&begun);
+      }
+    };
     receiver_.on_replaced = [this](const TileStore& ended) {
-      keep(ended);
-      store_lost_ = store_lost_ || !store_works_;
+      if (store_) {
+        store_->end(ended);
+      }
       if (!options_.out_dir.empty() && ended.known_cells() > 0) {
         write_received_map(earlier_map_dir(options_.out_dir, ended.hello()), ended, summary());
       }
@@ -95,9 +98,8 @@ class Session {
     if (now - shown_s_ >= kShowEvery_s) {
       show(now);
     }
-    if (now - kept_s_ >= kStoreEvery_s && receiver_.store() != nullptr) {
-      kept_s_ = now;
-      keep(*receiver_.store());
+    if (store_ && receiver_.store() != nullptr) {
+      store_->follow(*receiver_.store(), now);
     }
     const bool due = options_.every_s > 0.0 && now - written_s_ >= options_.every_s;
     if (StopSignals::take_wish() || due) {
@@ -162,35 +164,6 @@ class Session {
     shown_bytes_ = bytes;
   }
 
-  void resume(TileStore* map) {
-    if (!keeper_) {
-      return;
-    }
-    const StoreLoad load = keeper_->begin(map);
-    if (load.tiles > 0) {
-      say("resumed from " + keeper_->path() + ": " + std::to_string(load.tiles) + " tiles, " +
-          std::to_string(map->known_cells()) + " cells known");
-    }
-    if (load.damaged_tiles > 0) {
-      say("warning: " + keeper_->path() + ": " + std::to_string(load.damaged_tiles) +
-          " damaged tiles, to be asked for again");
-    }
-  }
-
-  /// Everything that the map has, into the store. A store that fails is said once, and tried again.
-  void keep(const TileStore& map) {
-    if (!keeper_) {
-      return;
-    }
-    const bool kept = keeper_->save(map);
-    if (!kept && store_works_) {
-      say("error: the store is behind: " + keeper_->problem());
-    } else if (kept && !store_works_) {
-      say("the store has caught up");
-    }
-    store_works_ = kept;
-  }
-
   void write() {
     if (options_.out_dir.empty() || receiver_.store() == nullptr) {
       return;
@@ -228,7 +201,9 @@ class Session {
                           std::to_string(counters.damaged_frames) +
                           " damaged, no hello of a vehicle");
     }
-    keep(*store);
+    if (store_) {
+      store_->keep(*store);
+    }
     try {
       vehicle_cells_hash_ = expected_cells_hash();
     } catch (const HostError&) {
@@ -247,10 +222,8 @@ class Session {
                 << hex_text(store->cells_hash(), 16) << ", the vehicle has "
                 << hex_text(*vehicle_cells_hash_, 16) << "\n";
     }
-    if (!store_works_ || store_lost_) {
-      throw HostError(ExitCode::kOutput,
-                      store_works_ ? keeper_->path() + ": an earlier map is not whole in it"
-                                   : keeper_->problem());
+    if (store_) {
+      store_->require_whole();
     }
     return static_cast<int>(differs ? ExitCode::kComparisonFailed : ExitCode::kOk);
   }
@@ -282,10 +255,7 @@ class Session {
 
   const ReceiveOptions& options_;
   Receiver receiver_;
-  std::optional<StoreKeeper> keeper_;
-  bool store_works_ = true;
-  bool store_lost_ = false;  ///< a map ended that is not whole in the store
-  double kept_s_ = 0.0;
+  std::optional<LiveStore> store_;
   LinkReader link_;
   double silence_s_ = kSilence_s;
   bool said_silent_ = false;

@@ -115,6 +115,38 @@ class Store(Case):
         self.assertEqual(json.loads(done.stdout)["cells_hash"], wanted["cells_hash"])
         self.assertEqual(self.show(self.store)["cells_hash"], wanted["cells_hash"])
 
+    def test_a_watched_map_is_kept_too(self):
+        wanted = json.loads(self.receive(self.logs[0]).stdout)
+        sender = Sender(self.logs[0].read_bytes(), pause_s=0.008)
+        self.addCleanup(sender.close)
+
+        def watch(until):
+            process = subprocess.Popen(
+                [LEADLINE, "monitor", "--link", f"tcp:127.0.0.1:{sender.port}", "--http", "127.0.0.1:0", "--store",
+                 self.store], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            self.addCleanup(process.kill)
+            deadline = time.monotonic() + PATIENCE_S
+            while not (self.store.exists() and until()):
+                self.assertLess(time.monotonic(), deadline)
+                time.sleep(0.2)
+            return process
+
+        def known():
+            listed = self.run_leadline("store", "list", self.store, "--json")
+            surveys = json.loads(listed.stdout) if listed.returncode == OK else []
+            return surveys[0]["known_cells"] if surveys else 0
+        process = watch(lambda: known() > 0)
+        process.kill()
+        process.communicate()
+        process = watch(lambda: known() == wanted["known_cells"])
+        process.send_signal(signal.SIGINT)
+        errors = process.communicate(timeout=PATIENCE_S)[1]
+        self.assertEqual(process.returncode, OK, errors)
+        self.assertIn("monitor: resumed from", errors)
+        self.assertEqual(self.show(self.store)["cells_hash"], wanted["cells_hash"])
+        self.expect(self.run_leadline("monitor", "--link", f"file:{self.logs[0]}", "--store", self.store), USAGE,
+                    "is played")
+
     def test_a_full_disk_costs_the_store_only(self):
         # The limit is on the size of every file: the first map has room in the store's log, the second none.
         both = self.dir / "both.lll"

@@ -1,0 +1,59 @@
+#include "host_tools/store/live_store.hpp"
+
+#include <utility>
+
+#include "host_tools/exit_codes.hpp"
+
+namespace leadline::host {
+namespace {
+
+constexpr double kStoreEvery_s = 1.0;
+
+}  // namespace
+
+LiveStore::LiveStore(const std::string& path, std::function<void(const std::string&)> say)
+    : keeper_(path), say_(std::move(say)) {}
+
+void LiveStore::begin(TileStore* map) {
+  const StoreLoad load = keeper_.begin(map);
+  if (load.tiles > 0) {
+    say_("resumed from " + keeper_.path() + ": " + std::to_string(load.tiles) + " tiles, " +
+         std::to_string(map->known_cells()) + " cells known");
+  }
+  if (load.damaged_tiles > 0) {
+    say_("warning: " + keeper_.path() + ": " + std::to_string(load.damaged_tiles) +
+         " damaged tiles, to be asked for again");
+  }
+}
+
+void LiveStore::end(const TileStore& ended) {
+  keep(ended);
+  lost_ = lost_ || !works_;
+}
+
+void LiveStore::follow(const TileStore& map, double now_s) {
+  if (now_s - kept_s_ >= kStoreEvery_s) {
+    kept_s_ = now_s;
+    keep(map);
+  }
+}
+
+void LiveStore::keep(const TileStore& map) {
+  const bool kept = keeper_.save(map);
+  if (!kept && works_) {
+    say_("error: the store is behind: " + keeper_.problem());
+  } else if (kept && !works_) {
+    say_("the store has caught up");
+  }
+  works_ = kept;
+}
+
+void LiveStore::require_whole() const {
+  if (!works_ || lost_) {
+    throw HostError(ExitCode::kOutput, works_
+                                           ? keeper_.path() + ": an earlier map is not whole in it"
+                                           : keeper_.problem());
+  }
+}
+
+}  // namespace leadline::host
