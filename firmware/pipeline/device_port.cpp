@@ -67,6 +67,11 @@ hal::Ping1dConfig for_decoding(hal::Ping1dConfig config) {
   config.use_pressure = true;
   return config;
 }
+[[maybe_unused]] hal::KellerConfig for_decoding(hal::KellerConfig config) {
+  config.bus = hal::KellerBus::kEither;
+  config.address = 0;
+  return config;
+}
 hal::Ping360Config for_decoding(hal::Ping360Config config) {
   config.min_range_um = 0;
   config.max_range_um = 300'000'000;

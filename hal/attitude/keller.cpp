@@ -111,12 +111,19 @@ Judgement judge_keller_bus(const std::uint8_t* bytes, std::size_t available) {
   }
 }
 
+bool speaks_modbus(const std::uint8_t* bytes) { return (bytes[1] & ~kRefused) == kReadRegisters; }
+
+Judgement judge_either(const std::uint8_t* bytes, std::size_t available) {
+  return available >= 2 && speaks_modbus(bytes) ? judge_modbus(bytes, available)
+                                                : judge_keller_bus(bytes, available);
+}
+
 }  // namespace
 
 KellerCodec::KellerCodec(const KellerConfig& config) : config_(config) {
   constexpr std::int32_t kShortest_us = 10'000;
   constexpr std::int32_t kLongest_us = 60'000'000;
-  config_.address = base::clamp<std::uint8_t>(config.address, 1, 250);
+  config_.address = base::min_of<std::uint8_t>(config.address, 250);
   config_.poll_interval_us = base::clamp(config.poll_interval_us, kShortest_us, kLongest_us);
   config_.answer_timeout_us = base::clamp(config.answer_timeout_us, kShortest_us, kLongest_us);
   config_.byte_time_ns = base::clamp(config.byte_time_ns, 0, 100'000'000);
@@ -128,7 +135,9 @@ bool KellerCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::NavSa
 }
 
 bool KellerCodec::next(base::NavSample& sample) {
-  const auto rules = config_.bus == KellerBus::kModbusRtu ? judge_modbus : judge_keller_bus;
+  const auto rules = config_.bus == KellerBus::kModbusRtu   ? judge_modbus
+                     : config_.bus == KellerBus::kKellerBus ? judge_keller_bus
+                                                            : judge_either;
   FrameBytes frame{};
   while (framer_.next(rules, counters_, frame)) {
     if (take(frame, sample)) {
@@ -147,12 +156,12 @@ void KellerCodec::restart() {
 }
 
 bool KellerCodec::take(const FrameBytes& frame, base::NavSample& sample) {
-  if (frame.data[0] != config_.address) {
+  if (config_.address != 0 && frame.data[0] != config_.address) {
     ++counters_.wrong_device;
     return false;
   }
-  const bool taken = config_.bus == KellerBus::kModbusRtu ? take_modbus(frame, sample)
-                                                          : take_keller_bus(frame, sample);
+  const bool taken =
+      speaks_modbus(frame.data) ? take_modbus(frame, sample) : take_keller_bus(frame, sample);
   if (taken) {
     ++counters_.records;
     counters_.no_data += sample.fields == 0 ? 1U : 0U;
@@ -265,7 +274,8 @@ bool KellerCodec::waiting(base::TimeUs now_us) {
 }
 
 std::size_t KellerCodec::request(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity) {
-  if (capacity < kMaxRequest_bytes || (polled_ && waiting(now_us))) {
+  const bool listens = config_.address == 0 || config_.bus == KellerBus::kEither;
+  if (listens || capacity < kMaxRequest_bytes || (polled_ && waiting(now_us))) {
     return 0;
   }
   polled_ = true;

@@ -32,12 +32,16 @@
 
 namespace leadline::hal {
 
-enum class KellerBus : std::uint8_t { kModbusRtu = 0, kKellerBus = 1 };
+enum class KellerBus : std::uint8_t {
+  kModbusRtu = 0,
+  kKellerBus = 1,
+  kEither = 2,  ///< a recording: its functions tell them apart; nothing is asked
+};
 
 /// Plain integers.
 struct KellerConfig {
   KellerBus bus = KellerBus::kModbusRtu;
-  std::uint8_t address = 1;                  ///< 1 .. 250
+  std::uint8_t address = 1;                  ///< 1 .. 250; 0: all are heard, and nothing is asked
   bool pressure_only = false;                ///< ask for P1 alone
   bool gauge_pressure = false;               ///< the device has the air's pressure taken off
   std::int32_t reference_pa = 101'325;       ///< added to gauge pressure

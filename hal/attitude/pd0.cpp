@@ -353,6 +353,8 @@ void Pd0Codec::take(const FrameBytes& frame, base::NavSample& sample) {
     return;
   }
   ensemble_ = read_ensemble(blocks);
+  blank.t_device_us = ensemble_.utc_us;
+  sample.t_device_us = ensemble_.utc_us;
 
   Vector3 velocity_um_s{};
   if (blocks.fixed.bytes != nullptr && ensemble_.has_bottom_track &&

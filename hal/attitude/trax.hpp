@@ -15,7 +15,8 @@
 // up, roll positive starboard down. The distortion flag, if sent and set, halves the quality and leaves the
 // heading out unless `keep_distorted`.
 //
-// UNSURE: unit of the rates (rad/s), their signs (right-handed about forward, right, down).
+// UNSURE: unit of the rates (rad/s), their signs (right-handed about forward, right, down). Quaternions (component
+// 77) are read over: no public source says in which order its four numbers stand.
 //
 // Facts: public drivers of TRAX and TCM (traxd, viewer-trax2, io_ahrs).
 #pragma once

@@ -145,7 +145,13 @@ std::optional<base::TimeUs> Decoder::sample_time() const {
   if (!is_nobodys(sample.t_us)) {
     return sample.t_us;
   }
-  return sample.t_device_us != 0 ? std::optional(sample.t_device_us) : std::nullopt;
+  if (sample.t_device_us != 0) {
+    return sample.t_device_us;
+  }
+  // With a date; a time of day (GGA) is none.
+  constexpr base::TimeUs kOneDay_us = 24 * kOneHour_us;
+  const bool dated = (sample.fields & base::kNavUtc) != 0 && sample.utc_us > kOneDay_us;
+  return dated ? std::optional(sample.utc_us) : std::nullopt;
 }
 
 Driver driver_named(const std::string& name, const std::string& where) {

@@ -269,8 +269,15 @@ void split_fast_packet(std::uint32_t id, const std::vector<std::uint8_t>& messag
   }
 }
 
+/// "time,priority,PGN,": canboat copies the time as it came, so it may be of any kind.
 bool is_canboat(std::string_view line) {
-  return line.size() > 20 && date_time_us(line.substr(0, line.find(','))).has_value();
+  const std::size_t time_end = std::min(line.find(','), line.size());
+  if (date_time_us(line.substr(0, time_end))) {
+    return line.size() > 20;
+  }
+  const std::vector<std::string_view> fields = split(line.substr(time_end), ", ");
+  return fields.size() > 5 && fields[0].size() == 1 && whole_number<std::uint32_t>(fields[1], 10) &&
+         whole_number<std::uint32_t>(fields[4], 10);
 }
 
 }  // namespace
@@ -317,7 +324,7 @@ CanLine CanTextReader::parse(std::string_view line) {
     return result;
   }
   result.kind = CanLineKind::kFrames;
-  result.t_us = date_time_us(time_text);
+  result.t_us = any_time_us(time_text);
   const std::uint32_t id = n2k_identifier(numbers[0], numbers[1], numbers[2], numbers[3]);
   if (message.size() > hal::kMaxCanData_bytes) {
     split_fast_packet(id, message, sequence_, &result.frames);

@@ -97,7 +97,9 @@ class Decode(unittest.TestCase):
                            ("<0x09f11923> [8] 00 ff 7f 1b 00 21 05 ff", None),
                            ("(12.5) can0 09F11923#00FF7F1B002105FF R", 12_500_000),
                            ("00:00:12.500 R 09F11923 00 FF 7F 1B 00 21 05 FF", 12_500_000),
-                           ("1970-01-01 00:00:12.5,2,127257,35,255,7,00,ff,7f,1b,00,21,05", 12_500_000)):
+                           ("1970-01-01 00:00:12.5,2,127257,35,255,7,00,ff,7f,1b,00,21,05", 12_500_000),
+                           ("-,2,127257,35,255,7,00,ff,7f,1b,00,21,05", None),
+                           ("12.5,2,127257,35,255,7,00,ff,7f,1b,00,21,05\r", 12_500_000)):
             with self.subTest(line):
                 found, summary = records("nmea2000", "-", (line + "\n").encode() * 3)
                 self.assertEqual((len(found), summary["frames"], summary["skipped_bytes"]), (3, 3, 0))
@@ -149,6 +151,38 @@ class Decode(unittest.TestCase):
             for key, value in (("heading_deg", 271.25), ("pitch_deg", -1.5), ("roll_deg", 12.75)):
                 self.assertAlmostEqual(record[key], value, delta=1e-5)
         self.assertEqual(summary["skipped_bytes"], 9)
+
+    def test_a_recorded_pressure_bus_whoever_speaks(self):
+        def crc(body):
+            value = 0xFFFF
+            for byte in body:
+                value ^= byte
+                for _ in range(8):
+                    value = value >> 1 ^ (0xA001 if value & 1 else 0)
+            return value
+        def modbus(*body):
+            return bytes(body) + struct.pack("<H", crc(bytes(body)))
+        def maker(*body):
+            return bytes(body) + struct.pack(">H", crc(bytes(body)))
+        answer = modbus(7, 3, 8, *struct.pack(">ff", 1.25, 19.5))
+        found, summary = records("keller", "-", modbus(7, 3, 1, 0, 0, 4) + answer + b"\x00" + answer)
+        self.assertEqual([(record["pressure_pa"], record["temperature_degc"]) for record in found],
+                         [(125000, 19.5)] * 2)
+        self.assertEqual(summary["rejected"], {})
+        reads = maker(250, 48) + maker(1, 48, 5, 20, 13, 33, 10, 1)
+        for channel, value in ((1, 1.5), (4, 15.25), (1, 1.625)):
+            reads += maker(1, 73, channel) + maker(1, 73, *struct.pack(">f", value), 0)
+        found, summary = records("keller", "-", reads)
+        self.assertEqual([record.get("pressure_pa", record.get("temperature_degc")) for record in found],
+                         [150000, 15.25, 162500])
+        self.assertEqual((summary["frames"], summary["rejected"]), (8, {}))
+
+    def test_time_is_the_device_s_own_where_bytes_have_none(self):
+        zda = b"$GPZDA,160012.71,11,03,2004,-1,00*7D\r\n"
+        found, _ = records("nmea", "-", zda)
+        self.assertEqual([record["t_us"] for record in found], [1079020812710000])
+        gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
+        self.assertEqual([record["t_us"] for record in records("nmea", "-", gga)[0]], [None])
 
     def test_every_driver_reads_noise_and_finds_nothing(self):
         noise = random.Random(4).randbytes(20000)
@@ -243,8 +277,9 @@ class RealCaptures(unittest.TestCase):
             velocities = of_kind(found, "velocity")
             self.assertEqual(len(velocities), len(table), capture)
             self.assertEqual(summary["frames"], len(table))
-            for record in velocities:
+            for row, record in zip(table, velocities):
                 self.assertEqual(record["valid"], record["velocity_m_s"] is not None)
+                self.assertEqual(record["t_us"], round(float(row["t_unix"]) * 1e6))
 
     def test_multibeam_in_xtf(self):
         found, summary = records(

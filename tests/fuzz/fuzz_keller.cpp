@@ -11,6 +11,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   leadline::hal::KellerConfig config;
   config.bus = (data[0] & 1U) != 0 ? leadline::hal::KellerBus::kKellerBus
                                    : leadline::hal::KellerBus::kModbusRtu;
+  if ((data[0] & 8U) != 0) {
+    config.bus = leadline::hal::KellerBus::kEither;
+  }
   config.gauge_pressure = (data[0] & 2U) != 0;
   config.pressure_only = (data[0] & 4U) != 0;
   leadline::hal::KellerCodec codec(config);

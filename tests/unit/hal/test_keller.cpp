@@ -216,3 +216,21 @@ TEST(refusals_and_other_addresses_are_counted) {
   bus.restart();
   assert_int_equal(samples_of(bus, channel(1.0)).size(), 1);
 }
+
+// What decoding a file asks: both buses, whoever speaks, and no word of our own.
+TEST(a_recording_of_either_bus_is_heard) {
+  KellerConfig config;
+  config.bus = KellerBus::kEither;
+  config.address = 0;
+  KellerCodec codec(config);
+  assert_true(request_of(codec, 0).empty());
+  const Bytes both = block(1.25, 10, 7) + channel(1.5) + block(1.75, 10, 250);
+  const std::vector<NavSample> samples = samples_of(codec, both);
+  assert_int_equal(samples.size(), 3);
+  assert_int_equal(samples[0].pressure_pa, 125'000);
+  assert_int_equal(samples[1].pressure_pa, 150'000);
+  assert_int_equal(samples[2].pressure_pa, 175'000);
+  assert_int_equal(codec.counters().wrong_device, 0);
+  leadline::test::check_damage_costs_one_frame<KellerCodec>(config, block(1.5, 10));
+  leadline::test::check_damage_costs_one_frame<KellerCodec>(config, channel(1.5));
+}
