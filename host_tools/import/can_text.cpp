@@ -269,15 +269,16 @@ void split_fast_packet(std::uint32_t id, const std::vector<std::uint8_t>& messag
   }
 }
 
-/// "time,priority,PGN,": canboat copies the time as it came, so it may be of any kind.
+/// "time,priority,PGN,": canboat copies the time as it came, so it may be of any kind, but not half a date.
 bool is_canboat(std::string_view line) {
   const std::size_t time_end = std::min(line.find(','), line.size());
   if (date_time_us(line.substr(0, time_end))) {
     return line.size() > 20;
   }
   const std::vector<std::string_view> fields = split(line.substr(time_end), ", ");
-  return fields.size() > 5 && fields[0].size() == 1 && whole_number<std::uint32_t>(fields[1], 10) &&
-         whole_number<std::uint32_t>(fields[4], 10);
+  constexpr std::size_t kShortestDate = 19;
+  return time_end < kShortestDate && fields.size() > 5 && fields[0].size() == 1 &&
+         whole_number<std::uint32_t>(fields[1], 10) && whole_number<std::uint32_t>(fields[4], 10);
 }
 
 }  // namespace
