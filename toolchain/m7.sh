@@ -92,6 +92,19 @@ fetch_cmocka() {
   rm -rf "$state"
 }
 
+# counts XML: tests within the programs, and why which were skipped.
+counts() {
+  awk '/<testcase / {++programs}
+    /^\[       OK \]/ {++passed}
+    /^\[  FAILED  \] [^ ]+$/ {++failed}
+    /\*skipped\*: / {sub(/.*\*skipped\*: /, ""); why[++skipped] = $0}
+    END {
+      printf "on the board: %d programs, %d tests: %d passed, %d failed, %d skipped\n", programs,
+        passed + failed + skipped, passed, failed, skipped
+      for (i = 1; i <= skipped; ++i) print "  skipped: " why[i]
+    }' "$1"
+}
+
 gates() {
   local image result=0
   for image in "$images"/leadline-m7*.elf; do
@@ -140,7 +153,11 @@ case $command in
       [ ${#targets[@]} -gt 0 ] || die "no test matches $1"
     fi
     build "${targets[@]}"
-    run_ctest $preset ${1:+-R "$1"}
+    result=0
+    run_ctest $preset ${1:+-R "$1"} --output-junit "$root/build/$preset/tests.xml" \
+      --test-output-size-passed 4000000 || result=$?
+    counts "$root/build/$preset/tests.xml"
+    exit $result
     ;;
   replay)
     [ $# -gt 0 ] || usage_error "replay wants a log"

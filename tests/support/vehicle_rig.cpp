@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "hal/emu/emulated_deltat.hpp"
 #include "hal/emu/emulated_ping1d.hpp"
 #include "hal/emu/nmea_talker.hpp"
 #include "proto/messages.hpp"
@@ -61,13 +62,31 @@ emu::NmeaTruth truth_at(TimeUs t_us, const RigOptions& options) {
   return truth;
 }
 
+double altitude_at(const Place& place, const RigOptions& options) {
+  return rig_bottom_m(place.north, place.east) + options.deeper_m - kDepth_m;
+}
+
+emu::DeltatEcho fan_at(const emu::DeltatShot& shot, const RigOptions& options) {
+  const double t = static_cast<double>(shot.t_transmit_us) * 1e-6;
+  const emu::NmeaTruth truth = truth_at(shot.t_transmit_us, options);
+  emu::DeltatEcho echo;
+  echo.has_attitude = false;
+  for (int beam = 0; beam < shot.beams; ++beam) {
+    const double down_deg = shot.start_deg + beam * shot.increment_deg + truth.roll_deg;
+    const double tilt = std::cos(down_deg * kPi / 180.0) * std::cos(truth.pitch_deg * kPi / 180.0);
+    const double range = altitude_at(place_at(t, options.speed_m_s), options) / tilt;
+    echo.range_m.push_back(range < shot.range_m ? range : 0.0);
+  }
+  return echo;
+}
+
 emu::Ping1dEcho echo_at(const emu::Ping1dShot& shot, const RigOptions& options) {
   const double t = static_cast<double>(shot.t_transmit_us) * 1e-6;
   const Place place = place_at(t, options.speed_m_s);
   const emu::NmeaTruth truth = truth_at(shot.t_transmit_us, options);
   const double tilt =
       std::cos(truth.roll_deg * kPi / 180.0) * std::cos(truth.pitch_deg * kPi / 180.0);
-  const double range = (rig_bottom_m(place.north, place.east) - kDepth_m) / tilt;
+  const double range = altitude_at(place, options) / tilt;
   emu::Ping1dEcho echo;
   echo.two_way_ns = static_cast<std::int64_t>(2e9 * range / kSound_m_s);
   echo.confidence_percent = 95;
@@ -210,8 +229,15 @@ void run_recording(Vehicle& vehicle, const Recording& recording) {
 Recording fly(Vehicle& vehicle, const RigOptions& options, const Sink& sink) {
   emu::EmulatedPing1dConfig head;
   head.answer_delay_us = 2'000;
-  emu::EmulatedPing1d sonar(head,
-                            [&](const emu::Ping1dShot& shot) { return echo_at(shot, options); });
+  emu::EmulatedPing1d altimeter(
+      head, [&](const emu::Ping1dShot& shot) { return echo_at(shot, options); });
+  emu::EmulatedDeltatConfig many;
+  many.beams = options.fan_beams;
+  many.sector_deg = 60;
+  many.range_m = 30;
+  emu::EmulatedDeltat fan(many, [&](const emu::DeltatShot& shot) { return fan_at(shot, options); });
+  emu::EmulatedDevice& sonar = options.fan_beams > 0 ? static_cast<emu::EmulatedDevice&>(fan)
+                                                     : static_cast<emu::EmulatedDevice&>(altimeter);
   const auto measure = [&](TimeUs t_us) { return truth_at(t_us, options); };
   emu::NmeaTalker all(talker_config(), measure);
   emu::NmeaTalker without_attitude(silent_config(true), measure);

@@ -53,6 +53,9 @@ struct RigOptions {
   double fix_until_s = 1e9;
   double jump_at_s = 1e9;  ///< the position fixes move by jump_m north
   double jump_m = 60.0;
+  double deeper_m = 0.0;  ///< the bottom lies so much below rig_bottom_m()
+  /// 0: the head is a Ping1D; else a DeltaT of so many beams over 60 degrees, ten pings a second, to 30 m.
+  int fan_beams = 0;
   std::uint32_t room_bytes = 100'000;
   base::TimeUs cycle_us = 20'000;
   /// Called with every cycle's input before it runs: the place to do harm.

@@ -39,10 +39,13 @@ TableBlock rig_block() {
   return {&leadline::test::rig_table(), sizeof(leadline::model::LocalizationTable)};
 }
 
+/// Of one cycle, or of the tables twice.
+constexpr std::size_t kLongestRecords_bytes = 1U << 18U;
+
 /// A log under construction, as the vehicle's program writes it.
 class Log {
  public:
-  explicit Log(const leadline::firmware::VehicleConfig& config) : buffer_(16U << 20U) {
+  explicit Log(const leadline::firmware::VehicleConfig& config) : buffer_(kLongestRecords_bytes) {
     leadline::test::configure_rig(vehicle, config);
     const TableBlock table = rig_block();
     LogWriter writer(buffer_.data(), buffer_.size());

@@ -33,6 +33,8 @@ using leadline::test::PlainBeam;
 using leadline::test::Random;
 
 constexpr std::int32_t kDepth = 48;
+// Of a map that also the smallest target holds twice, and its pages beside it: 49 tiles.
+constexpr std::int32_t kSmallSide = 112;
 
 Model big;
 Model windowed;
@@ -341,9 +343,9 @@ TEST(ten_times_the_memory_gives_the_map_of_one_big_grid) {
 }
 
 TEST(who_must_wait_too_long_is_shed_and_counted) {
-  constexpr std::int32_t kSide = 320;
-  const std::vector<Sounding> soundings = lawn_mower(kSide, kSide, 40, 2);
-  configure(&windowed, config_of(kSide, kSide, 36));
+  const std::int32_t side = std::min(320, leadline::test::widest_side_cells());
+  const std::vector<Sounding> soundings = lawn_mower(side, side, 40, 2);
+  configure(&windowed, config_of(side, side, 36));
   SlowStore store(200, 1024);
   pager.configure(windowed.grid(), 20, true);
   store.announce();
@@ -358,8 +360,8 @@ TEST(who_must_wait_too_long_is_shed_and_counted) {
 }
 
 TEST(a_restarted_vehicle_goes_on_with_its_map) {
-  constexpr std::int32_t kSide = 160;
-  constexpr std::uint32_t kTiles = 100;
+  constexpr std::int32_t kSide = kSmallSide;
+  constexpr std::uint32_t kTiles = kSide * kSide / 256;
   const std::vector<Sounding> soundings = lawn_mower(kSide, kSide, 20, 3);
   configure(&big, config_of(kSide, kSide, 0));
   for (const Sounding& sounding : soundings) {
@@ -407,7 +409,7 @@ TEST(a_restarted_vehicle_goes_on_with_its_map) {
 
 // What a topside that lost its tether is owed: the vehicle started again meanwhile, and its map does not fit.
 TEST(a_restarted_vehicle_hands_over_a_map_larger_than_its_window) {
-  constexpr std::int32_t kSide = 160;
+  constexpr std::int32_t kSide = kSmallSide;
   constexpr std::uint32_t kWindow = 20;
   const std::vector<Sounding> soundings = lawn_mower(kSide, kSide, 20, 6);
   configure(&big, config_of(kSide, kSide, 0));
@@ -428,11 +430,15 @@ TEST(a_restarted_vehicle_hands_over_a_map_larger_than_its_window) {
   }
   // It stays where it is; every tile comes, is read and leaves again, once.
   for (int k = 0; k < 10'000 && pager.counters().tiles_loaded < store.pages(); ++k) {
-    one_cycle(PagerSituation{true, 80, 80, 80, 80, TileBox{0, -1, 0, -1}}, &store);
+    one_cycle(
+        PagerSituation{true, kSide / 2, kSide / 2, kSide / 2, kSide / 2, TileBox{0, -1, 0, -1}},
+        &store);
   }
   assert_int_equal(pager.counters().tiles_loaded, store.pages());
   for (int k = 0; k < 2'000; ++k) {
-    one_cycle(PagerSituation{true, 80, 80, 80, 80, TileBox{0, -1, 0, -1}}, &store);
+    one_cycle(
+        PagerSituation{true, kSide / 2, kSide / 2, kSide / 2, kSide / 2, TileBox{0, -1, 0, -1}},
+        &store);
   }
   assert_int_equal(pager.counters().tiles_loaded, store.pages());
   assert_same_results();
@@ -456,11 +462,12 @@ TEST(what_a_store_says_may_be_garbage) {
 }
 
 TEST(without_a_store_nothing_leaves) {
-  configure(&windowed, config_of(320, 320, 30));
+  const std::int32_t side = std::min(320, leadline::test::widest_side_cells());
+  configure(&windowed, config_of(side, side, 30));
   pager.configure(windowed.grid(), 20, false);
   assert_true(pager.ready());
   SlowStore store(1, 8192);
-  const std::vector<Sounding> soundings = lawn_mower(320, 320, 160, 5);
+  const std::vector<Sounding> soundings = lawn_mower(side, side, side / 2, 5);
   const Flight flight = fly(soundings, &store, 1);
   assert_true(flight.shed > 0);
   assert_int_equal(pager.counters().tiles_evicted, 0);
