@@ -2,12 +2,13 @@
 # What a ping costs a Cortex-M7, in instructions (QEMU's board MPS2 AN500, -icount: exact, and the same in every
 # run; never cycles: caches, wait states of external memory and dual issue are not modelled).
 #
-# usage: toolchain/timing.sh [--check | --search N | --listing]
+# usage: toolchain/timing.sh [--check | --search N | --listing | --cycles]
 #   (none)      the tables of firmware/README.md, "Timing"
 #   --check     only the kept worst pings: exit code 1 when the worst of a head costs over 2 % more than
 #               tests/data/worst_pings/ceilings.txt says
 #   --search N  looks for worse pings: N of each head on this machine, the worst hundred replayed on the target
 #   --listing   the inner loop as compiled
+#   --cycles    only the last of the tables: whole cycles, from the devices' bytes to the link's
 #
 # Installs and builds what it needs (the compiler is 2.4 GB). Files are left in out/timing/.
 set -euo pipefail
@@ -19,6 +20,7 @@ while [ $# -gt 0 ]; do
   case $1 in
     --check) mode=check ;;
     --listing) mode=listing ;;
+    --cycles) mode=cycles ;;
     --search)
       [ $# -ge 2 ] || usage_error "--search wants a number"
       mode=search
@@ -45,7 +47,7 @@ build_image() {
   mkdir -p "$root/build"
   exec 9>"$root/build/.cortex-m7.lock" # as toolchain/m7.sh: two tests may ask at once
   flock 9
-  configure_and_build cortex-m7 leadline-m7-cost >"$out/build.log" 2>&1 || {
+  configure_and_build cortex-m7 leadline-m7-cost leadline-m7-replay >"$out/build.log" 2>&1 || {
     cat "$out/build.log" >&2
     die "cortex-m7 cannot be built"
   }
@@ -60,6 +62,21 @@ build() {
 measure() {
   local path="$out/$1.cost"
   m7_run "$image" "arg=cost,arg=${path//,/,,}" >"$out/$1.lines" || die "the board failed on $path"
+}
+# Logs of flights on the board; how much of a second its cycles take. Cycles are of 50 ms.
+cycles() {
+  local name path
+  "$root/build/release/tests/cycle_jobs" "$out" >"$out/cycle_jobs.txt"
+  for name in "${heads[@]}"; do
+    path="$out/$name.lll"
+    m7_run "$root/build/cortex-m7/firmware/leadline-m7-replay.elf" "arg=replay,arg=${path//,/,,}" >"$out/$name.cycles" ||
+      die "the board does not replay $path: $(cat "$out/$name.cycles")"
+    tr ' ' '\n' <"$out/$name.cycles" | awk -F = -v name="$name" '{v[$1] = $2} END {
+      s = v["cycles"] * 0.05
+      printf "whole cycles, %s: %.1f million instructions a second, %.1f %% of 480 million; of these pings %.1f %%; the longest cycle %.1f million\n",
+        name, v["instructions_total"] / s / 1e6, v["instructions_total"] / s / 4.8e6, v["instructions_pings"] / s / 4.8e6,
+        v["instructions_worst_cycle"] / 1e6}'
+  done
 }
 worst_of() { awk '$1 == "ping" && $4 > worst {worst = $4} END {print worst + 0}' "$out/$1.lines"; }
 summary='
@@ -112,8 +129,12 @@ case $mode in
     arm-none-eabi-objdump -d --no-show-raw-insn "$image" |
       awk '/^[0-9a-f]+ <.*empty_loop/ {on = 1} on && /^$/ {exit} on'
     ;;
+  cycles)
+    build cycle_jobs
+    cycles
+    ;;
   tables)
-    build cost_jobs property.work_bound_ci
+    build cost_jobs cycle_jobs property.work_bound_ci
     "$root/build/release/tests/cost_jobs" "$out" >"$out/hashes.txt"
     echo "| pings | number | instructions a ping | largest observed | voxels a ping | instructions a voxel |"
     echo "|---|---|---|---|---|---|"
@@ -138,5 +159,6 @@ case $mode in
     }
     load ping1d "a Ping1D at 20 Hz" 20
     load fan16 "16 beams at 10 Hz" 160
+    cycles
     ;;
 esac
