@@ -4,6 +4,7 @@
 //
 //   ping1d   a Ping1D at 20 Hz, 25 degrees wide
 //   fan16    16 beams of 3 degrees over 60 degrees at 10 Hz
+//   *-1      the same with a tile budget of 1
 //
 // Both over a bottom in 25 m, ranges to 30 m, 128 x 128 x 128 cells of 0.25 m, cycles of 50 ms; budgets as
 // firmware/vehicle.example.toml has them. Everything by the heads' and sensors' own bytes.
@@ -37,6 +38,7 @@ struct Flight {
   std::string name;
   int fan_beams;
   double half_angle_deg;
+  std::uint32_t tile_budget;
 };
 
 firmware::VehicleConfig config_of(const Flight& flight) {
@@ -52,7 +54,7 @@ firmware::VehicleConfig config_of(const Flight& flight) {
   sonar.driver = flight.fan_beams > 0 ? firmware::Driver::kDeltat83p : firmware::Driver::kPing1d;
   sonar.max_range_um = 30'000'000;
   sonar.ping_interval_us = 50'000;
-  config.cycle_tile_budget = 16;
+  config.cycle_tile_budget = flight.tile_budget;
   config.link.rate_bytes_s = 12'000;
   config.link.mtu_bytes = 1'200;
   return config;
@@ -128,7 +130,8 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
-    for (const Flight& flight : {Flight{"ping1d", 0, 12.5}, Flight{"fan16", 16, 1.5}}) {
+    for (const Flight& flight : {Flight{"ping1d", 0, 12.5, 16}, Flight{"fan16", 16, 1.5, 16},
+                                 Flight{"ping1d-1", 0, 12.5, 1}, Flight{"fan16-1", 16, 1.5, 1}}) {
       write(flight, argv[1]);
     }
   } catch (const std::exception& error) {
