@@ -1,12 +1,11 @@
 // The cone of one ping: empty evidence along its way (Model::carve).
-#include <type_traits>
-
 #include "model/base/fixed.hpp"
 #include "model/column_kernels.hpp"
 #include "model/cone_column.hpp"
 #include "model/evidence.hpp"
 #include "model/frustum.hpp"
 #include "model/model.hpp"
+#include "model/plain_cone.hpp"
 
 namespace leadline::model {
 namespace {
@@ -16,7 +15,6 @@ using base::max_of;
 using base::min_of;
 using base::mul_shift;
 
-constexpr std::uint32_t kMostEmpty_q7 = kMaxWeight_q7 >> kEmptyShift;
 // Depth of a plane that is not there: below every grid.
 constexpr std::int64_t kNoLimit_q16 = std::int64_t{kMaxDepthCells} << 17;
 // Voxels of a column that share one weight of empty evidence.
@@ -63,14 +61,10 @@ void limit_to_axis(ColumnSpan& span, const Frustum& frustum, const ColumnOffset&
 }
 
 // Voxels of a column of `cells` whose centres lie inside the cone.
-template <bool kPlain>
-inline CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame,
-                                const ColumnOffset& offset, std::int32_t cells) {
-  if (!in_box(frustum, offset)) {
+CellRange frustum_column(const Frustum& frustum, const BeamFrame& frame, const ColumnOffset& offset,
+                         std::int32_t cells) {
+  if (!in_box(frustum, offset.x, offset.y)) {
     return CellRange{0, -1};
-  }
-  if (kPlain) {
-    return narrow_cells(frustum.cone, offset.x, offset.y, frustum.origin_q10[2], cells);
   }
   ColumnSpan span = cone_span_inline(frustum.cone, offset.x, offset.y);
   if (frustum.two_axis) {
@@ -196,92 +190,6 @@ struct Model::CarvedColumn {
   std::uint32_t dither;
 };
 
-// What the runs of a plain cone's columns need, at hand: a narrow cone of a round beam, log-odds. The same numbers
-// as the general form below.
-struct Model::PlainCone {
-  std::int32_t horizontal_q30;
-  std::int32_t down_q30;
-  std::uint32_t growth_q20;
-  std::int32_t origin_q10;  // depth of the transducer
-  const std::uint16_t* pattern_q15;
-  std::uint32_t confidence_scale_q22;
-  // As in Emptiness; level: what is the same all along without growth.
-  std::uint32_t end_q14;
-  std::uint32_t level_q7;
-  std::uint32_t growth_q24;
-  std::uint32_t inverse_range_q36;  // of a range of 17 / 1024 cells at least
-};
-
-namespace {
-
-// What each voxel gets of a run whose middle is z below the transducer.
-template <typename Context>
-inline std::uint32_t plain_strength_q7(const Context& cone, std::int64_t hx_q40,
-                                       std::int64_t sx_q40, std::int64_t y2_q20, std::int32_t z) {
-  const std::uint32_t slant = of_32_bits(static_cast<std::uint32_t>(max_of(
-      0, static_cast<std::int32_t>((hx_q40 + mul_shift(of_32_bits(cone.down_q30), z, 0)) >> 30))));
-  const auto off =
-      static_cast<std::int32_t>((sx_q40 - mul_shift(of_32_bits(cone.horizontal_q30), z, 0)) >> 30);
-  // Below 2^18, as is every length of a narrow cone.
-  const std::uint32_t half_width =
-      kTouch_q10 +
-      static_cast<std::uint32_t>((std::uint64_t{slant} * of_32_bits(cone.growth_q20)) >> 20U);
-  const auto off2_q20 = static_cast<std::uint64_t>(y2_q20 + mul_shift(off, off, 0));
-  const std::uint32_t dividend =
-      (off2_q20 >> 36U) != 0 ? UINT32_MAX : static_cast<std::uint32_t>(off2_q20 >> 4U);
-  const auto divisor = static_cast<std::uint32_t>((std::uint64_t{half_width} * half_width) >> 10U);
-  const std::uint32_t pattern_q15 =
-      cone.pattern_q15[min_of<std::uint32_t>(dividend / divisor, kBeamWeightSteps)];
-  // Parts of the range: a voxel of the cone lies a few cells beyond it at most, so that neither passes 32 bits.
-  const std::uint32_t distance =
-      min_of(static_cast<std::uint32_t>(
-                 (std::uint64_t{slant} * of_32_bits(cone.confidence_scale_q22)) >> 22U),
-             64U);
-  std::uint32_t strength_q7 = cone.level_q7;
-  if (cone.growth_q24 != 0) {
-    const std::uint32_t share_q16 = min_of(
-        static_cast<std::uint32_t>((std::uint64_t{slant} * cone.inverse_range_q36) >> 20U), 65536U);
-    const std::uint64_t strength_q22 =
-        std::uint64_t{cone.end_q14} * of_32_bits(peak_gain_inline_q8(cone.growth_q24, share_q16));
-    // Of 21 and 20 bits: a quotient of 26.
-    strength_q7 = min_of(static_cast<std::uint32_t>(strength_q22 >> 15U), kMostEmpty_q7);
-  }
-  return (((strength_q7 * pattern_q15) >> 15U) * kEmptyLogit_q15[distance]) >> 15U;
-}
-
-}  // namespace
-
-// False: the work bound is met.
-inline bool Model::carve_plain_column(const PlainCone& cone, const CarvedColumn& column,
-                                      std::uint32_t& room) {
-  std::int32_t left = column.cells.last - column.cells.first + 1;
-  bool within = true;
-  if (static_cast<std::uint32_t>(left) > room) {
-    // Whole runs only.
-    left = static_cast<std::int32_t>(room) / kRun * kRun;
-    within = false;
-  }
-  room -= static_cast<std::uint32_t>(left);
-  const std::int64_t hx_q40 = mul_shift(cone.horizontal_q30, column.offset.x, 0);
-  const std::int64_t sx_q40 = mul_shift(cone.down_q30, column.offset.x, 0);
-  const std::int64_t y2_q20 = mul_shift(column.offset.y, column.offset.y, 0);
-  work_.cone_runs += static_cast<std::uint32_t>(left + kRun - 1) / static_cast<std::uint32_t>(kRun);
-  Voxel* voxels = column.voxels + column.cells.first;
-  std::uint32_t dither =
-      column.dither + static_cast<std::uint32_t>(column.cells.first) * kDitherStep;
-  std::int32_t from = column.cells.first * 1024 - cone.origin_q10;
-  for (; left > 0; left -= kRun) {
-    const std::int32_t count = min_of(kRun, left);
-    // Off-axis position and distance of the run's middle.
-    const Evidence evidence{0, plain_strength_q7(cone, hx_q40, sx_q40, y2_q20, from + count * 512)};
-    add_uniform(voxels, count, 0, evidence, dither);
-    voxels += kRun;
-    from += kRun * 1024;
-    dither = of_32_bits(dither + static_cast<std::uint32_t>(kRun) * kDitherStep);
-  }
-  return within;
-}
-
 // False: the work bound is met.
 inline bool Model::carve_column(const CarveContext& context, const CarvedColumn& column,
                                 std::uint32_t& room) {
@@ -314,7 +222,6 @@ inline bool Model::carve_column(const CarveContext& context, const CarvedColumn&
 }
 
 // The same.
-template <bool kPlain>
 bool Model::carve_row(const CarveContext& context, std::int32_t n) {
   const Frustum& frustum = context.frustum;
   const std::int32_t dn = n * 1024 + 512 - frustum.origin_q10[0];
@@ -324,23 +231,10 @@ bool Model::carve_row(const CarveContext& context, std::int32_t n) {
   }
   work_.cone_candidates += static_cast<std::uint32_t>(row.last - row.first + 1);
   const std::int32_t depth_cells = sensor_->scale.size[2];
-  // Of a plain cone within 32 bits all over its box.
-  using Limit = std::conditional_t<kPlain, std::int32_t, std::int64_t>;
-  auto limit_q16 = static_cast<Limit>(context.limit_at(n, row.first));
+  std::int64_t limit_q16 = context.limit_at(n, row.first);
   const std::int32_t limit_de_q16 = context.plane != nullptr ? context.plane->depth_de_q16 : 0;
   const auto row_place = static_cast<std::uint32_t>(n * kMaxSideCells);
-  const PlainCone plain{frustum.cone.horizontal_q30,
-                        frustum.cone.down_q30,
-                        static_cast<std::uint32_t>(frustum.cone.growth_q20),
-                        frustum.origin_q10[2],
-                        sensor_->table.beam_weight_q15[0],
-                        sensor_->scale.confidence_scale_q22,
-                        context.empty.end_q14,
-                        min_of(context.empty.end_q14 >> 7U, kMostEmpty_q7),
-                        context.empty.growth_q24,
-                        static_cast<std::uint32_t>(context.empty.inverse_range_q36)};
-  const std::uint32_t room_before =
-      bound_.total_voxels - min_of(voxels_this_ping_, bound_.total_voxels);
+  const std::uint32_t room_before = room_left();
   std::uint32_t room = room_before;
   // The place in the grid is looked up once per tile.
   std::int32_t e = row.first;
@@ -352,7 +246,7 @@ bool Model::carve_row(const CarveContext& context, std::int32_t n) {
     std::uint32_t written = 0;
     for (; e <= end && within; ++e) {
       const std::int32_t de = e * 1024 + 512 - frustum.origin_q10[1];
-      const Limit limit = limit_q16 >> 16;
+      const std::int64_t limit = limit_q16 >> 16;
       limit_q16 += limit_de_q16;
       Voxel* const column_voxels = voxels;
       voxels += depth_cells;
@@ -361,7 +255,7 @@ bool Model::carve_row(const CarveContext& context, std::int32_t n) {
         continue;
       }
       const ColumnOffset offset = column_offset(frustum, dn, de);
-      CellRange cells = frustum_column<kPlain>(frustum, context.frame, offset, depth_cells);
+      CellRange cells = frustum_column(frustum, context.frame, offset, depth_cells);
       if (limit < cells.last) {
         cells.last = static_cast<std::int32_t>(limit);
       }
@@ -369,16 +263,111 @@ bool Model::carve_row(const CarveContext& context, std::int32_t n) {
         ++written;
         // Dither follows the place in the grid, not in storage.
         const std::uint32_t dither =
-            context.seed + of_32_bits(row_place + static_cast<std::uint32_t>(e)) * kColumnDither;
-        const CarvedColumn column{column_voxels, offset, cells, dither};
-        within =
-            kPlain ? carve_plain_column(plain, column, room) : carve_column(context, column, room);
+            context.seed + (row_place + static_cast<std::uint32_t>(e)) * kColumnDither;
+        within = carve_column(context, CarvedColumn{column_voxels, offset, cells, dither}, room);
       }
     }
     if (written > 0) {
       work_.cone_columns += written;
       grid_.touch(tile, ping_number_);
     }
+  }
+  voxels_this_ping_ += room_before - room;
+  return within;
+}
+
+namespace {
+
+// A column of a plain cone that holds something.
+struct PlacedColumn {
+  std::int32_t e;
+  std::int32_t x;
+  std::int32_t y;
+  CellRange cells;
+};
+
+}  // namespace
+
+// The same of a plain cone: first the columns of a tile's row, then their voxels, so that each loop has the registers
+// for itself.
+bool Model::carve_plain_row(const CarveContext& context, const PlainCone& cone, std::int32_t n) {
+  const Frustum& frustum = context.frustum;
+  const std::int32_t dn = n * 1024 + 512 - frustum.origin_q10[0];
+  const CellRange row = frustum_row(frustum, dn, sensor_->scale.size[1]);
+  if (row.first > row.last) {
+    return true;
+  }
+  work_.cone_candidates += static_cast<std::uint32_t>(row.last - row.first + 1);
+  const std::int32_t depth_cells = sensor_->scale.size[2];
+  // 2^12 times along and across the heading, as column_offset() has them before their shift.
+  const std::int32_t north_q30 = frustum.cone.heading_north_q20 * (1 << 10);
+  const std::int32_t east_q30 = frustum.cone.heading_east_q20 * (1 << 10);
+  const std::int64_t along_q42 = mul_shift(north_q30, dn * 4, 0);
+  const std::int64_t across_q42 = -mul_shift(east_q30, dn * 4, 0);
+  // Within 32 bits all over the cone's box (carve()).
+  auto limit_q16 = static_cast<std::int32_t>(context.limit_at(n, row.first));
+  const std::int32_t limit_de_q16 = context.plane != nullptr ? context.plane->depth_de_q16 : 0;
+  const std::uint32_t room_before = room_left();
+  std::uint32_t room = room_before;
+  PlacedColumn placed[kTileCells];
+  std::int32_t de_q12 = (row.first * 1024 + 512 - frustum.origin_q10[1]) * 4;
+  std::int32_t e = row.first;
+  bool within = true;
+  while (e <= row.last && within) {
+    const std::int32_t first_e = e;
+    const std::int32_t end = min_of(e | (kTileCells - 1), row.last);
+    PlacedColumn* place = placed;
+    for (; e <= end; ++e) {
+      const std::int32_t limit = limit_q16 >> 16;
+      limit_q16 += limit_de_q16;
+      const std::int32_t x = high_word_after(along_q42, east_q30, de_q12);
+      const std::int32_t y = high_word_after(across_q42, north_q30, de_q12);
+      de_q12 += 4096;
+      // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
+      if (limit < 0 || !in_box(frustum, x, y)) {
+        continue;
+      }
+      const CellRange cells = plain_cells(cone, x, y, min_of(limit, depth_cells - 1));
+      if (cells.first <= cells.last) {
+        *place = PlacedColumn{e, x, y, cells};
+        ++place;
+      }
+    }
+    if (place == placed) {
+      continue;
+    }
+    Voxel* const voxels = grid_.column_voxels(grid_.column_index(n, first_e));
+    // Dither follows the place in the grid, not in storage.
+    const std::uint32_t dither =
+        context.seed + static_cast<std::uint32_t>(n * kMaxSideCells) * kColumnDither;
+    const PlacedColumn* column = placed;
+    std::uint32_t runs = 0;
+    for (; column < place && within; ++column) {
+      std::int32_t left = column->cells.last - column->cells.first + 1;
+      if (static_cast<std::uint32_t>(left) > room) {
+        // Whole runs only.
+        left = static_cast<std::int32_t>(room) / kRun * kRun;
+        within = false;
+      }
+      room -= static_cast<std::uint32_t>(left);
+      const PlainColumn at = plain_column(cone, column->x, column->y);
+      Voxel* run = voxels + (column->e - first_e) * depth_cells + column->cells.first;
+      std::uint32_t run_dither = dither + static_cast<std::uint32_t>(column->e) * kColumnDither +
+                                 static_cast<std::uint32_t>(column->cells.first) * kDitherStep;
+      std::int32_t from_q12 = (column->cells.first * 1024 - cone.origin_q10) * 4;
+      for (; left > 0; left -= kRun) {
+        const std::int32_t count = min_of(kRun, left);
+        const Evidence evidence{0, plain_strength_q7(cone, at, from_q12 + count * 2048)};
+        add_uniform(run, count, 0, evidence, run_dither);
+        run += kRun;
+        from_q12 += kRun * 4096;
+        run_dither = of_32_bits(run_dither + static_cast<std::uint32_t>(kRun) * kDitherStep);
+        ++runs;
+      }
+    }
+    work_.cone_runs += runs;
+    work_.cone_columns += static_cast<std::uint32_t>(column - placed);
+    grid_.touch(grid_.tile_of(n, first_e), ping_number_);
   }
   voxels_this_ping_ += room_before - room;
   return within;
@@ -406,12 +395,14 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
     return limit_q16 == static_cast<std::int32_t>(limit_q16);
   };
   const std::int32_t east = sensor_->scale.size[1];
-  const bool plain = !context.frustum.two_axis && config_.rule == Rule::kLogOdds &&
-                     context.frustum.cone.narrow && context.empty.inverse_range_q36 <= UINT32_MAX &&
-                     fits(rows.first, 0) && fits(rows.first, east) && fits(rows.last, 0) &&
-                     fits(rows.last, east);
+  const bool plain = is_plain(context.frustum, context.empty.inverse_range_q36) &&
+                     config_.rule == Rule::kLogOdds && fits(rows.first, 0) &&
+                     fits(rows.first, east) && fits(rows.last, 0) && fits(rows.last, east);
+  const PlainCone cone = make_plain_cone(
+      context.frustum, sensor_->scale, sensor_->table, context.empty.end_q14,
+      context.empty.growth_q24, static_cast<std::uint32_t>(context.empty.inverse_range_q36));
   for (std::int32_t n = rows.first; n <= rows.last; ++n) {
-    if (!(plain ? carve_row<true>(context, n) : carve_row<false>(context, n))) {
+    if (!(plain ? carve_plain_row(context, cone, n) : carve_row(context, n))) {
       ++counters_.cones_cut;
       break;
     }

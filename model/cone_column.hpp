@@ -213,22 +213,16 @@ struct CellRange {
                      : wide_cone_span(cone, x_q10, y_q10);
 }
 
-/// peak_gain_q8().
-[[nodiscard]] inline std::uint32_t peak_gain_inline_q8(std::uint32_t growth_q24,
-                                                       std::uint32_t share_q16) {
-  // m^-1.5 at m = 1 + i / 32, Q15.
+/// peak_gain_q8() of v, the part of the variance: v^-1.5.
+[[nodiscard]] inline std::uint32_t peak_gain_of_variance_q8(std::uint32_t v_q24) {
+  // m^-1.5 at m = 1 + i / 32, Q15, and what it falls by from there to the next.
   static constexpr std::uint16_t kPower_q15[33] = {
       32768, 31290, 29920, 28647, 27461, 26356, 25322, 24354, 23447, 22594, 21792,
       21036, 20323, 19650, 19012, 18409, 17837, 17293, 16777, 16286, 15819, 15373,
       14948, 14542, 14154, 13784, 13429, 13089, 12763, 12450, 12150, 11862, 11585};
   constexpr std::uint32_t kRootTwo_q15 = 46341;
   constexpr std::uint32_t kMostHalvings = 8;  // 2^(1.5 * 8) = 4096
-  const std::uint64_t share = base::min_of<std::uint32_t>(share_q16, 65536);
-  const auto square_q24 = static_cast<std::uint32_t>((share * share) >> 8U);
-  const auto kept_q24 = static_cast<std::uint32_t>(
-      (static_cast<std::uint64_t>(growth_q24) * ((1U << 24U) - square_q24)) >> 24U);
-  const std::uint32_t v_q24 = base::max_of<std::uint32_t>((1U << 24U) - kept_q24, 1);
-  // v = m 2^-halvings with 1 <= m < 2.
+  // v = m 2^-halvings with 1 <= m < 2; of zero, more than enough of them.
   const auto halvings = static_cast<std::uint32_t>(base::leading_zeros(v_q24)) - 7U;
   if (halvings > kMostHalvings) {
     return 4096U << 8U;
@@ -241,6 +235,16 @@ struct CellRange {
   const std::uint32_t odd_q15 =
       (halvings & 1U) != 0 ? (power_q15 * kRootTwo_q15) >> 15U : power_q15;
   return (odd_q15 << ((3U * halvings) >> 1U)) >> 7U;
+}
+
+/// peak_gain_q8().
+[[nodiscard]] inline std::uint32_t peak_gain_inline_q8(std::uint32_t growth_q24,
+                                                       std::uint32_t share_q16) {
+  const std::uint64_t share = base::min_of<std::uint32_t>(share_q16, 65536);
+  const auto square_q24 = static_cast<std::uint32_t>((share * share) >> 8U);
+  const auto kept_q24 = static_cast<std::uint32_t>(
+      (static_cast<std::uint64_t>(growth_q24) * ((1U << 24U) - square_q24)) >> 24U);
+  return peak_gain_of_variance_q8((1U << 24U) - kept_q24);
 }
 
 }  // namespace leadline::model

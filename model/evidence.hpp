@@ -12,6 +12,7 @@ namespace leadline::model {
 /// Strength of the empty evidence of one ping beside the peak that its shell would have had in the same
 /// voxel: 1/2. A voxel is a surface when it was hit more than half as often as it was looked through.
 inline constexpr int kEmptyShift = 1;
+inline constexpr std::uint32_t kMostEmpty_q7 = kMaxWeight_q7 >> kEmptyShift;
 /// Separates the dither sequences of columns (odd, so that it is a permutation).
 inline constexpr std::uint32_t kColumnDither = 0x85EBCA6BU;
 

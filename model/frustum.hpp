@@ -63,10 +63,12 @@ struct ColumnOffset {
 }
 
 /// Whether it stands within the box along the heading that the cone lies in; nothing outside of it is written.
-[[nodiscard]] inline bool in_box(const Frustum& frustum, const ColumnOffset& offset) {
+[[nodiscard]] inline bool in_box(const Frustum& frustum, std::int32_t x, std::int32_t y) {
   const std::int32_t radius = frustum.cone.radius_q10;
-  return offset.y <= radius && offset.y >= -radius && offset.x >= -radius &&
-         offset.x <= frustum.reach_q10;
+  // What is too small is larger than all that is not negative.
+  return static_cast<std::uint32_t>(y + radius) <= static_cast<std::uint32_t>(2 * radius) &&
+         static_cast<std::uint32_t>(x + radius) <=
+             static_cast<std::uint32_t>(frustum.reach_q10 + radius);
 }
 
 }  // namespace leadline::model

@@ -20,6 +20,8 @@
 
 namespace leadline::model {
 
+struct PlainCone;
+
 /// What became of a ping.
 enum class PingResult : std::uint8_t {
   kFused = 0,     ///< written (possibly clipped by the grid, possibly to nothing)
@@ -231,14 +233,16 @@ class Model {
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
              std::int32_t range_q10, std::uint32_t end_q14);
   struct CarveContext;
-  template <bool kPlain>
+  /// Voxels that the ping under way may still write.
+  [[nodiscard]] std::uint32_t room_left() const {
+    return voxels_this_ping_ < bound_.total_voxels ? bound_.total_voxels - voxels_this_ping_ : 0;
+  }
   [[nodiscard]] bool carve_row(const CarveContext& context, std::int32_t n);
   struct CarvedColumn;
-  struct PlainCone;
-  [[nodiscard]] bool carve_plain_column(const PlainCone& cone, const CarvedColumn& column,
-                                        std::uint32_t& room);
   [[nodiscard]] bool carve_column(const CarveContext& context, const CarvedColumn& column,
                                   std::uint32_t& room);
+  [[nodiscard]] bool carve_plain_row(const CarveContext& context, const PlainCone& cone,
+                                     std::int32_t n);
   struct TileSpan;
   [[nodiscard]] TileSpan tiles_around(TileId tile, std::int32_t reach) const;
   [[nodiscard]] bool read_column(std::uint32_t column, DepthMethod method);

@@ -44,7 +44,7 @@ Case make_case(Random& random, double tangent, double elevation, double heading,
 
 /// Whether the cone holds anything of the column, as deep as no grid is.
 bool holds(const Frustum& frustum, const ColumnOffset& offset) {
-  if (!in_box(frustum, offset)) {
+  if (!in_box(frustum, offset.x, offset.y)) {
     return false;
   }
   const ColumnSpan span = cone_span(frustum.cone, offset.x, offset.y);
