@@ -276,41 +276,92 @@ bool Model::carve_row(const CarveContext& context, std::int32_t n) {
   return within;
 }
 
-namespace {
-
 // A column of a plain cone that holds something.
-struct PlacedColumn {
+struct Model::PlacedColumn {
   std::int32_t e;
   std::int32_t x;
   std::int32_t y;
   CellRange cells;
 };
 
-}  // namespace
+// Columns of a tile's row: the voxels of its first column, its number, and the row's dither.
+struct Model::PlainRow {
+  Voxel* voxels;
+  std::int32_t first_e;
+  std::uint32_t dither;
+};
 
-// The same of a plain cone: first the columns of a tile's row, then their voxels, so that each loop has the registers
+// Of a plain cone: the columns [column, end), at least one, of a tile's row.
+bool Model::carve_plain_columns(const PlainCone& cone, const PlainRow& row,
+                                const PlacedColumn* column, const PlacedColumn* end,
+                                std::uint32_t& room) {
+  const std::int32_t depth_cells = sensor_->scale.size[2];
+  std::uint32_t left_room = room;
+  std::uint32_t runs = 0;
+  bool within = true;
+  work_.cone_columns += static_cast<std::uint32_t>(end - column);
+  do {
+    std::int32_t left = column->cells.last - column->cells.first + 1;
+    if (static_cast<std::uint32_t>(left) > left_room) {
+      // Whole runs only, and none after them.
+      left = static_cast<std::int32_t>(left_room) / kRun * kRun;
+      within = false;
+      work_.cone_columns -= static_cast<std::uint32_t>(end - column - 1);
+      end = column + 1;
+    }
+    left_room -= static_cast<std::uint32_t>(left);
+    const PlainColumn at = plain_column(cone, column->x, column->y);
+    Voxel* run = row.voxels + (column->e - row.first_e) * depth_cells + column->cells.first;
+    RunDither run_dither(row.dither + static_cast<std::uint32_t>(column->e) * kColumnDither +
+                         static_cast<std::uint32_t>(column->cells.first) * kDitherStep);
+    std::int32_t from_q12 = (column->cells.first * 1024 - cone.origin_q10) * 4;
+    for (; left > 0; left -= kRun) {
+      const std::int32_t count = min_of(kRun, left);
+      add_misses(run, count, plain_strength_q7(cone, at, from_q12 + count * 2048), run_dither);
+      run += kRun;
+      from_q12 += kRun * 4096;
+      ++runs;
+    }
+    ++column;
+  } while (column < end);
+  work_.cone_runs += runs;
+  room = left_room;
+  return within;
+}
+
+// Of a plain cone: first the columns of a tile's row, then their voxels, so that each loop has the registers
 // for itself.
+template <ConeForm kForm>
 bool Model::carve_plain_row(const CarveContext& context, const PlainCone& cone, std::int32_t n) {
   const Frustum& frustum = context.frustum;
   const std::int32_t dn = n * 1024 + 512 - frustum.origin_q10[0];
-  const CellRange row = frustum_row(frustum, dn, sensor_->scale.size[1]);
-  if (row.first > row.last) {
-    return true;
-  }
-  work_.cone_candidates += static_cast<std::uint32_t>(row.last - row.first + 1);
-  const std::int32_t depth_cells = sensor_->scale.size[2];
+  CellRange row = frustum_row(frustum, dn, sensor_->scale.size[1]);
+  work_.cone_candidates += static_cast<std::uint32_t>(max_of(0, row.last - row.first + 1));
   // 2^12 times along and across the heading, as column_offset() has them before their shift.
   const std::int32_t north_q30 = frustum.cone.heading_north_q20 * (1 << 10);
   const std::int32_t east_q30 = frustum.cone.heading_east_q20 * (1 << 10);
-  const std::int64_t along_q42 = mul_shift(north_q30, dn * 4, 0);
-  const std::int64_t across_q42 = -mul_shift(east_q30, dn * 4, 0);
+  const std::int64_t along_q42 = product(north_q30, dn * 4);
+  const std::int64_t across_q42 = product(-east_q30, dn * 4);
+  const std::int32_t half_q12 = 2048 - frustum.origin_q10[1] * 4;
+  const auto inside = [&](std::int32_t e) {
+    const std::int32_t de_q12 = e * 4096 + half_q12;
+    return in_box(frustum, high_word_after(along_q42, east_q30, de_q12),
+                  high_word_after(across_q42, north_q30, de_q12));
+  };
+  // The box is convex: what lies between two columns of it is in it.
+  while (row.first <= row.last && !inside(row.first)) {
+    ++row.first;
+  }
+  while (row.first < row.last && !inside(row.last)) {
+    --row.last;
+  }
+  const std::int32_t depth_cells = sensor_->scale.size[2];
   // Within 32 bits all over the cone's box (carve()).
   auto limit_q16 = static_cast<std::int32_t>(context.limit_at(n, row.first));
   const std::int32_t limit_de_q16 = context.plane != nullptr ? context.plane->depth_de_q16 : 0;
   const std::uint32_t room_before = room_left();
   std::uint32_t room = room_before;
   PlacedColumn placed[kTileCells];
-  std::int32_t de_q12 = (row.first * 1024 + 512 - frustum.origin_q10[1]) * 4;
   std::int32_t e = row.first;
   bool within = true;
   while (e <= row.last && within) {
@@ -318,16 +369,13 @@ bool Model::carve_plain_row(const CarveContext& context, const PlainCone& cone, 
     const std::int32_t end = min_of(e | (kTileCells - 1), row.last);
     PlacedColumn* place = placed;
     for (; e <= end; ++e) {
-      const std::int32_t limit = limit_q16 >> 16;
-      limit_q16 += limit_de_q16;
+      const std::int32_t de_q12 = e * 4096 + half_q12;
       const std::int32_t x = high_word_after(along_q42, east_q30, de_q12);
       const std::int32_t y = high_word_after(across_q42, north_q30, de_q12);
-      de_q12 += 4096;
       // Nothing nearer than the kernel's reach to the shell's plane, and nothing behind it.
-      if (limit < 0 || !in_box(frustum, x, y)) {
-        continue;
-      }
-      const CellRange cells = plain_cells(cone, x, y, min_of(limit, depth_cells - 1));
+      const CellRange cells =
+          plain_cells<kForm>(cone, x, y, min_of(limit_q16 >> 16, depth_cells - 1));
+      limit_q16 += limit_de_q16;
       if (cells.first <= cells.last) {
         *place = PlacedColumn{e, x, y, cells};
         ++place;
@@ -336,38 +384,12 @@ bool Model::carve_plain_row(const CarveContext& context, const PlainCone& cone, 
     if (place == placed) {
       continue;
     }
-    Voxel* const voxels = grid_.column_voxels(grid_.column_index(n, first_e));
+    const std::uint32_t first_column = grid_.column_index(n, first_e);
+    grid_.touch(first_column >> 8U, ping_number_);
     // Dither follows the place in the grid, not in storage.
-    const std::uint32_t dither =
-        context.seed + static_cast<std::uint32_t>(n * kMaxSideCells) * kColumnDither;
-    const PlacedColumn* column = placed;
-    std::uint32_t runs = 0;
-    for (; column < place && within; ++column) {
-      std::int32_t left = column->cells.last - column->cells.first + 1;
-      if (static_cast<std::uint32_t>(left) > room) {
-        // Whole runs only.
-        left = static_cast<std::int32_t>(room) / kRun * kRun;
-        within = false;
-      }
-      room -= static_cast<std::uint32_t>(left);
-      const PlainColumn at = plain_column(cone, column->x, column->y);
-      Voxel* run = voxels + (column->e - first_e) * depth_cells + column->cells.first;
-      std::uint32_t run_dither = dither + static_cast<std::uint32_t>(column->e) * kColumnDither +
-                                 static_cast<std::uint32_t>(column->cells.first) * kDitherStep;
-      std::int32_t from_q12 = (column->cells.first * 1024 - cone.origin_q10) * 4;
-      for (; left > 0; left -= kRun) {
-        const std::int32_t count = min_of(kRun, left);
-        const Evidence evidence{0, plain_strength_q7(cone, at, from_q12 + count * 2048)};
-        add_uniform(run, count, 0, evidence, run_dither);
-        run += kRun;
-        from_q12 += kRun * 4096;
-        run_dither = of_32_bits(run_dither + static_cast<std::uint32_t>(kRun) * kDitherStep);
-        ++runs;
-      }
-    }
-    work_.cone_runs += runs;
-    work_.cone_columns += static_cast<std::uint32_t>(column - placed);
-    grid_.touch(grid_.tile_of(n, first_e), ping_number_);
+    const PlainRow at{grid_.column_voxels(first_column), first_e,
+                      context.seed + static_cast<std::uint32_t>(n * kMaxSideCells) * kColumnDither};
+    within = carve_plain_columns(cone, at, placed, place, room);
   }
   voxels_this_ping_ += room_before - room;
   return within;
@@ -402,7 +424,13 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
       context.frustum, sensor_->scale, sensor_->table, context.empty.end_q14,
       context.empty.growth_q24, static_cast<std::uint32_t>(context.empty.inverse_range_q36));
   for (std::int32_t n = rows.first; n <= rows.last; ++n) {
-    if (!(plain ? carve_plain_row(context, cone, n) : carve_row(context, n))) {
+    const bool within = !plain ? carve_row(context, n)
+                               : (cone.form == ConeForm::kUpright
+                                      ? carve_plain_row<ConeForm::kUpright>(context, cone, n)
+                                      : (cone.form == ConeForm::kSlanted
+                                             ? carve_plain_row<ConeForm::kSlanted>(context, cone, n)
+                                             : carve_plain_row<ConeForm::kAny>(context, cone, n)));
+    if (!within) {
       ++counters_.cones_cut;
       break;
     }

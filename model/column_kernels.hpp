@@ -62,6 +62,12 @@ inline void add_shell_taps(Voxel* voxels, const std::int16_t (&row)[kKernelTaps]
 inline void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first,
                         const Evidence& evidence, std::uint32_t dither_base);
 
+/// Dither along the runs of one column, for add_misses(): that of the next voxel.
+struct RunDither;
+/// Adds miss_q7 against a surface to voxels[i], i in [0, count), and moves the dither on by count, unless that is odd:
+/// then this was the last run. What add_uniform() does without evidence for one. Room as there.
+inline void add_misses(Voxel* voxels, std::int32_t count, std::uint32_t miss_q7, RunDither& dither);
+
 /// What a pulling rule does to a voxel: a share of it, at the peak of a shell's taps or in all of a run,
 /// and the signal that it is pulled to.
 struct Pull {
@@ -428,44 +434,64 @@ inline void add_shell_taps(Voxel* voxels, const std::int16_t (&row)[kKernelTaps]
   add_shell(voxels, row + first, count, 0, evidence, dither_start);
 }
 
+// The dithers of two neighbours.
+struct RunDither {
+  explicit RunDither(std::uint32_t start)
+      : lanes((start & 0xFFFFU) | (start + kDitherStep) << 16U) {}
+  std::uint32_t lanes;
+};
+
 namespace vector {
 
-inline void add_misses(Voxel* voxels, std::int32_t count, std::uint32_t miss_q7,
-                       std::uint32_t dither_start) {
-  const std::uint32_t units = (miss_q7 >> 7U) * 0x00010001U;
-  const Uniform run{((miss_q7 & 0x7FU) << 9U) * 0x00010001U, units, units + 0x00010001U};
-  std::uint32_t dither = (dither_start & 0xFFFFU) | (dither_start + kDitherStep) << 16U;
-  if (count == 24) {  // a whole run of a cone
-    add_four_misses(voxels, run, dither);
-    add_four_misses(voxels, run, dither);
-    add_four_misses(voxels, run, dither);
-    add_four_misses(voxels, run, dither);
-    add_four_misses(voxels, run, dither);
-    add_four_misses(voxels, run, dither);
-    return;
-  }
-  for (; count >= 8; count -= 8) {
-    add_four_misses(voxels, run, dither);
-    add_four_misses(voxels, run, dither);
-  }
-  if ((count & 4) != 0) {
-    add_four_misses(voxels, run, dither);
-  }
-  if ((count & 2) != 0) {
-    add_two_misses(voxels, run, dither);
-    voxels += 2;
-  }
-  if ((count & 1) != 0) {
-    store(voxels, __uqadd16(load(voxels), units_of(run, dither) << 16U));
+template <int kCount>
+inline void add_fours(Voxel*& voxels, const Uniform& run, std::uint32_t& dither) {
+  add_four_misses(voxels, run, dither);
+  if constexpr (kCount > 1) {
+    add_fours<kCount - 1>(voxels, run, dither);
   }
 }
 
 }  // namespace vector
 
+inline void add_misses(Voxel* voxels, std::int32_t count, std::uint32_t miss_q7,
+                       RunDither& dither) {
+  constexpr std::int32_t kWhole = 24;  // a whole run of a cone
+  const std::uint32_t units = (miss_q7 >> 7U) * 0x00010001U;
+  const vector::Uniform run{((miss_q7 & 0x7FU) << 9U) * 0x00010001U, units, units + 0x00010001U};
+  std::uint32_t lanes = dither.lanes;
+  for (; count > kWhole; count -= kWhole) {
+    vector::add_fours<6>(voxels, run, lanes);
+  }
+  if (count == kWhole) {
+    vector::add_fours<6>(voxels, run, lanes);
+    dither.lanes = lanes;
+    return;
+  }
+  if ((count & 16) != 0) {
+    vector::add_fours<4>(voxels, run, lanes);
+  }
+  if ((count & 8) != 0) {
+    vector::add_fours<2>(voxels, run, lanes);
+  }
+  if ((count & 4) != 0) {
+    vector::add_fours<1>(voxels, run, lanes);
+  }
+  if ((count & 2) != 0) {
+    vector::add_two_misses(voxels, run, lanes);
+    voxels += 2;
+  }
+  dither.lanes = lanes;
+  if ((count & 1) != 0) {
+    vector::store(voxels,
+                  __uqadd16(vector::load(voxels), vector::units_of(run, lanes) << 16U));
+  }
+}
+
 inline void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first,
                         const Evidence& evidence, std::uint32_t dither_base) {
   if (evidence.hit_q7 == 0) {
-    vector::add_misses(voxels, count, evidence.miss_q7, dither_base + first * kDitherStep);
+    RunDither dither(dither_base + first * kDitherStep);
+    add_misses(voxels, count, evidence.miss_q7, dither);
     return;
   }
   const std::uint32_t weights_q7 = evidence.miss_q7 << 16U | evidence.hit_q7;
@@ -506,6 +532,21 @@ inline void add_shell_taps(Voxel* voxels, const std::int16_t (&row)[kKernelTaps]
 inline void add_uniform(Voxel* voxels, std::int32_t count, std::uint32_t first,
                         const Evidence& evidence, std::uint32_t dither_base) {
   add_uniform_scalar(voxels, count, first, evidence, dither_base);
+}
+
+#endif
+
+#if !defined(LEADLINE_KERNELS_SIMD32)
+
+struct RunDither {
+  explicit RunDither(std::uint32_t start) : next(start) {}
+  std::uint32_t next;
+};
+
+inline void add_misses(Voxel* voxels, std::int32_t count, std::uint32_t miss_q7,
+                       RunDither& dither) {
+  add_uniform(voxels, count, 0, Evidence{0, miss_q7}, dither.next);
+  dither.next += static_cast<std::uint32_t>(count) * kDitherStep;
 }
 
 #endif

@@ -21,6 +21,7 @@
 namespace leadline::model {
 
 struct PlainCone;
+enum class ConeForm : std::uint8_t;
 
 /// What became of a ping.
 enum class PingResult : std::uint8_t {
@@ -241,6 +242,12 @@ class Model {
   struct CarvedColumn;
   [[nodiscard]] bool carve_column(const CarveContext& context, const CarvedColumn& column,
                                   std::uint32_t& room);
+  struct PlacedColumn;
+  struct PlainRow;
+  [[nodiscard]] bool carve_plain_columns(const PlainCone& cone, const PlainRow& row,
+                                         const PlacedColumn* column, const PlacedColumn* end,
+                                         std::uint32_t& room);
+  template <ConeForm kForm>
   [[nodiscard]] bool carve_plain_row(const CarveContext& context, const PlainCone& cone,
                                      std::int32_t n);
   struct TileSpan;

@@ -11,9 +11,10 @@ PlainCone make_plain_cone(const Frustum& frustum, const Scale& scale,
   cone.horizontal_q30 = from.horizontal_q30;
   cone.down_q30 = from.down_q30;
   cone.origin_q10 = frustum.origin_q10[2];
-  cone.direct = from.down_q30 > 0 && from.inverse_down_q12 != 0 && from.growth_q20 < (1 << 22);
-  cone.upright = from.a_q24 < 0;
-  cone.growth_q29 = cone.direct ? from.growth_q20 * (1 << 9) : 0;
+  if (from.down_q30 > 0 && from.inverse_down_q12 != 0 && from.growth_q20 < (1 << 22)) {
+    cone.form = from.a_q24 < 0 ? ConeForm::kUpright : ConeForm::kSlanted;
+    cone.growth_q29 = from.growth_q20 * (1 << 9);
+  }
   cone.touch_growth_q20 = from.touch_growth_q20;
   cone.even_down_q30 = from.down_q30 & ~63;
   cone.minus_a_q24 = -from.a_q24;
@@ -26,7 +27,8 @@ PlainCone make_plain_cone(const Frustum& frustum, const Scale& scale,
   cone.pattern_q15 = table.beam_weight_q15[0];
   cone.end_q14 = end_q14;
   cone.level_q7 = base::min_of(end_q14 >> 7U, kMostEmpty_q7);
-  cone.variance_growth_q24 = variance_growth_q24;
+  cone.minus_horizontal_q30 = -from.horizontal_q30;
+  cone.variance_growth_q28 = variance_growth_q24 << 4U;
   return cone;
 }
 
