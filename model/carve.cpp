@@ -278,9 +278,8 @@ bool Model::carve_row(const CarveContext& context, std::int32_t n) {
 
 // A column of a plain cone that holds something.
 struct Model::PlacedColumn {
+  PlainColumn at;
   std::int32_t e;
-  std::int32_t x;
-  std::int32_t y;
   CellRange cells;
 };
 
@@ -310,14 +309,14 @@ bool Model::carve_plain_columns(const PlainCone& cone, const PlainRow& row,
       end = column + 1;
     }
     left_room -= static_cast<std::uint32_t>(left);
-    const PlainColumn at = plain_column(cone, column->x, column->y);
     Voxel* run = row.voxels + (column->e - row.first_e) * depth_cells + column->cells.first;
     RunDither run_dither(row.dither + static_cast<std::uint32_t>(column->e) * kColumnDither +
                          static_cast<std::uint32_t>(column->cells.first) * kDitherStep);
     std::int32_t from_q12 = (column->cells.first * 1024 - cone.origin_q10) * 4;
     for (; left > 0; left -= kRun) {
       const std::int32_t count = min_of(kRun, left);
-      add_misses(run, count, plain_strength_q7(cone, at, from_q12 + count * 2048), run_dither);
+      add_misses(run, count, plain_strength_q7(cone, column->at, from_q12 + count * 2048),
+                 run_dither);
       run += kRun;
       from_q12 += kRun * 4096;
       ++runs;
@@ -377,7 +376,7 @@ bool Model::carve_plain_row(const CarveContext& context, const PlainCone& cone, 
           plain_cells<kForm>(cone, x, y, min_of(limit_q16 >> 16, depth_cells - 1));
       limit_q16 += limit_de_q16;
       if (cells.first <= cells.last) {
-        *place = PlacedColumn{e, x, y, cells};
+        *place = PlacedColumn{plain_column(cone, x, y), e, cells};
         ++place;
       }
     }

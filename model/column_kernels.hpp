@@ -453,8 +453,9 @@ inline void add_fours(Voxel*& voxels, const Uniform& run, std::uint32_t& dither)
 
 }  // namespace vector
 
-inline void add_misses(Voxel* voxels, std::int32_t count, std::uint32_t miss_q7,
-                       RunDither& dither) {
+// Inline, or what surrounds the call costs a run more than four of its voxels.
+[[gnu::always_inline]] inline void add_misses(Voxel* voxels, std::int32_t count,
+                                              std::uint32_t miss_q7, RunDither& dither) {
   constexpr std::int32_t kWhole = 24;  // a whole run of a cone
   const std::uint32_t units = (miss_q7 >> 7U) * 0x00010001U;
   const vector::Uniform run{((miss_q7 & 0x7FU) << 9U) * 0x00010001U, units, units + 0x00010001U};
@@ -482,8 +483,7 @@ inline void add_misses(Voxel* voxels, std::int32_t count, std::uint32_t miss_q7,
   }
   dither.lanes = lanes;
   if ((count & 1) != 0) {
-    vector::store(voxels,
-                  __uqadd16(vector::load(voxels), vector::units_of(run, lanes) << 16U));
+    vector::store(voxels, __uqadd16(vector::load(voxels), vector::units_of(run, lanes) << 16U));
   }
 }
 

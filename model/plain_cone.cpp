@@ -26,7 +26,6 @@ PlainCone make_plain_cone(const Frustum& frustum, const Scale& scale,
   cone.inverse_range_q36 = inverse_range_q36;
   cone.pattern_q15 = table.beam_weight_q15[0];
   cone.end_q14 = end_q14;
-  cone.level_q7 = base::min_of(end_q14 >> 7U, kMostEmpty_q7);
   cone.minus_horizontal_q30 = -from.horizontal_q30;
   cone.variance_growth_q28 = variance_growth_q24 << 4U;
   return cone;

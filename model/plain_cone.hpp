@@ -83,7 +83,6 @@ struct PlainCone {
   std::uint32_t inverse_range_q36;  // of a range of 17 / 1024 cells at least
   const std::uint16_t* pattern_q15;
   std::uint32_t end_q14;              // evidence at the far end
-  std::uint32_t level_q7;             // what is the same all along without growth
   std::uint32_t variance_growth_q28;  // ShellEvent::growth_q24
 };
 
@@ -244,14 +243,12 @@ struct PlainColumn {
       static_cast<std::uint32_t>(off2_q20 >> 4U) / divisor, kBeamWeightSteps);
   const std::uint32_t distance =
       base::min_of(high_word(slant_q22, cone.confidence_scale_q22) >> 2U, 64U);
-  std::uint32_t strength_q7 = cone.level_q7;
-  if (cone.variance_growth_q28 != 0) {
-    const std::uint32_t gain_q8 =
-        plain_gain_q8(cone.variance_growth_q28, high_word(slant_q22, cone.inverse_range_q36));
-    strength_q7 = base::min_of(
-        static_cast<std::uint32_t>((std::uint64_t{cone.end_q14} * of_32_bits(gain_q8)) >> 15U),
-        kMostEmpty_q7);
-  }
+  // Without growth 256, and the strength the same all along.
+  const std::uint32_t gain_q8 =
+      plain_gain_q8(cone.variance_growth_q28, high_word(slant_q22, cone.inverse_range_q36));
+  const std::uint32_t strength_q7 = base::min_of(
+      static_cast<std::uint32_t>((std::uint64_t{cone.end_q14} * of_32_bits(gain_q8)) >> 15U),
+      kMostEmpty_q7);
   return (((strength_q7 * cone.pattern_q15[entry]) >> 15U) * kEmptyLogit_q15[distance]) >> 15U;
 }
 
