@@ -217,6 +217,106 @@ ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rul
   return out;
 }
 
+#elif defined(LEADLINE_KERNELS_SIMD32)
+
+namespace {
+
+// Two neighbours of 16 bits; on this machine a word may lie at any half.
+inline std::uint32_t load_pair(const std::uint16_t* at) {
+  std::uint32_t pair = 0;
+  std::memcpy(&pair, at, sizeof pair);
+  return pair;
+}
+inline void store_pair(std::uint16_t* at, std::uint32_t pair) {
+  std::memcpy(at, &pair, sizeof pair);
+}
+
+// The upper half of `before` and the lower one of `after`.
+inline std::uint32_t between(std::uint32_t before, std::uint32_t after) {
+  return before >> 16U | after << 16U;
+}
+
+template <bool kHitsOnly>
+std::uint32_t gather_pairs(const Voxel* voxels, std::int32_t pairs, std::uint16_t* evidence,
+                           std::uint32_t& mass) {
+  std::uint32_t any = 0;
+  std::uint32_t sum = 0;
+  for (const std::uint16_t* const end = evidence + 2 * pairs; evidence < end;
+       evidence += 2, voxels += 2) {
+    const std::uint32_t first = vector::load(voxels);
+    const std::uint32_t second = vector::load(voxels + 1);
+    const std::uint32_t hits = (first & 0xFFFFU) | second << 16U;
+    const std::uint32_t misses = first >> 16U | (second & 0xFFFF0000U);
+    // What speaks more against a surface than for it is none: the difference's carries choose.
+    const std::uint32_t difference = __usub16(hits, misses);
+    const std::uint32_t value = __sel(kHitsOnly ? hits : difference, 0U);
+    store_pair(evidence, value);
+    any |= value;
+    sum += (value & 0xFFFFU) + (value >> 16U);
+  }
+  mass = sum;
+  return any;
+}
+
+}  // namespace
+
+ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
+                              std::uint16_t* evidence, std::uint16_t* smoothed) {
+  for (std::int32_t i = 2; i <= kProfileGuard; i += 2) {
+    store_pair(evidence - i, 0);
+    store_pair(evidence + depth_cells - 2 + i, 0);
+  }
+  const std::int32_t pairs = depth_cells / 2;
+  ProfileSummary out{0, 0, 0};
+  std::uint32_t any = reads_hits(rule) ? gather_pairs<true>(voxels, pairs, evidence, out.mass)
+                                       : gather_pairs<false>(voxels, pairs, evidence, out.mass);
+  const bool odd = (depth_cells & 1) != 0;
+  const std::int32_t last = depth_cells - 1;
+  if (odd) {
+    const std::uint32_t hit = voxels[last].hit;
+    const std::uint32_t miss = voxels[last].miss;
+    const std::uint32_t value = miss > hit ? 0U : (reads_hits(rule) ? hit : hit - miss);
+    evidence[last] = static_cast<std::uint16_t>(value);
+    out.mass += value;
+    any |= value;
+  }
+  out.shift = smoothing_shift((any | any >> 16U) & 0xFFFFU);
+  const unsigned shift = out.shift;
+  const std::uint32_t mask = (0xFFFFU >> shift) * 0x00010001U;
+  const auto at = [evidence, shift, mask](std::int32_t k) {
+    return (load_pair(evidence + k) >> shift) & mask;
+  };
+  std::uint32_t peaks = 0;
+  std::uint32_t before = 0;
+  std::uint32_t here = at(0);
+  std::uint32_t left = between(before, here);
+  // Sums stay below 2^15 in both lanes. The pair after the last is a guard's, or begins with the odd cell.
+  const auto smooth = [&](std::int32_t k) {
+    const std::uint32_t after = at(k + 2);
+    const std::uint32_t right = between(here, after);
+    const std::uint32_t near = left + right + here;
+    const std::uint32_t value = 2U * near + here + before + after;
+    before = here;
+    here = after;
+    left = right;
+    return value;
+  };
+  std::int32_t k = 0;
+  for (; k < 2 * pairs; k += 2) {
+    const std::uint32_t value = smooth(k);
+    store_pair(smoothed + k, value);
+    static_cast<void>(__usub16(value, peaks));
+    peaks = __sel(value, peaks);
+  }
+  out.peak = base::max_of(peaks & 0xFFFFU, peaks >> 16U);
+  if (odd) {
+    const std::uint32_t value = smooth(k) & 0xFFFFU;
+    smoothed[last] = static_cast<std::uint16_t>(value);
+    out.peak = base::max_of(out.peak, value);
+  }
+  return out;
+}
+
 #else
 
 ProfileSummary gather_profile(const Voxel* voxels, std::int32_t depth_cells, Rule rule,
