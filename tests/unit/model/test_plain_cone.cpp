@@ -35,6 +35,7 @@ Case random_case(Random& random, int trial) {
   double elevation = (random.uniform() - 0.1) * kPi;
   elevation = trial % 8 == 0 ? 0.002 * random.normal() : elevation;
   elevation = trial % 8 == 1 ? kPi / 2 + 0.02 * random.normal() : elevation;
+  elevation = trial % 4 == 3 ? kPi / 2 + 0.5 * std::atan(tangent) * random.normal() : elevation;
   elevation = trial % 8 == 2 ? kPi / 2 - std::atan(tangent) + 0.02 * random.normal() : elevation;
   const double heading = 2.0 * kPi * random.uniform();
   const double range = 0.1 + 250.0 * random.uniform() * random.uniform();
