@@ -316,18 +316,18 @@ std::uint32_t voxel_cost(const Trial& trial, const Candidate& c) {
 /// What each kind of work costs a Cortex-M7 at most, in instructions: measured on the target with room for the
 /// longest ways through, not derived (toolchain/timing.sh compares every ping that it replays).
 struct InstructionCosts {
-  double fixed = 6600;
-  double column_read = 1600;
-  double cell_read = 46;
+  double fixed = 7000;
+  double column_read = 1850;
+  double cell_read = 30;
   double shell_row = 410;
   double shell_candidate = 38;
   double shell_column = 66;
-  double shell_voxel = 19.5;
-  double cone_row = 280;
-  double cone_candidate = 166;
-  double cone_column = 160;
-  double cone_run = 154;
-  double cone_voxel = 4;
+  double shell_voxel = 14.5;
+  double cone_row = 680;
+  double cone_candidate = 215;
+  double cone_column = 30;
+  double cone_run = 112;
+  double cone_voxel = 4.2;
 };
 constexpr InstructionCosts kCosts;
 
