@@ -309,7 +309,10 @@ bool Model::carve_plain_columns(const PlainCone& cone, const PlainRow& row,
       end = column + 1;
     }
     left_room -= static_cast<std::uint32_t>(left);
-    Voxel* run = row.voxels + (column->e - row.first_e) * depth_cells + column->cells.first;
+    Voxel* run =
+        row.voxels +
+        static_cast<std::size_t>(column->e - row.first_e) * static_cast<std::size_t>(depth_cells) +
+        column->cells.first;
     RunDither run_dither(row.dither + static_cast<std::uint32_t>(column->e) * kColumnDither +
                          static_cast<std::uint32_t>(column->cells.first) * kDitherStep);
     std::int32_t from_q12 = (column->cells.first * 1024 - cone.origin_q10) * 4;

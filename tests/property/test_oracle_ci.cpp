@@ -31,7 +31,7 @@ using leadline::host::BeamDescription;
 
 Model model;  // tens of megabytes: static
 
-// The integrator's own constants (model/integrate.cpp), which are part of the method as built.
+// The integrator's own constants (model/integrate.cpp, carve.cpp, evidence.hpp), which are part of the method as built.
 constexpr int kConeRunCells = 24;
 constexpr double kRegrowth = 2.0;
 
