@@ -10,6 +10,8 @@ namespace {
 constexpr std::uint32_t kMagic = 0x47504C4CU;  // "LLPG", little-endian
 constexpr std::uint32_t kVersion = 1;
 constexpr std::uint32_t kPiece_bytes = 512;
+// No device lives that long: a header that says more is none of ours, and writes behind it would begin anew at 0.
+constexpr std::uint64_t kMostSequence = UINT64_MAX / 2;
 
 std::uint32_t smaller(std::uint32_t a, std::uint32_t b) { return a < b ? a : b; }
 
@@ -79,6 +81,10 @@ base::Status PageStore::mount(const PageDevice& device, std::uint32_t layout,
     if (!read_header(slot, header)) {
       // Never written, or its header was cut: a magic number alone says that something began.
       counters_.slots_damaged += header.magic == kMagic ? 1U : 0U;
+      continue;
+    }
+    if (header.sequence > kMostSequence) {
+      ++counters_.slots_foreign;
       continue;
     }
     // Also of pages that do not count: the next write is after all of them.
