@@ -1,6 +1,7 @@
 // Any bytes as one of the small texts: a port's URI, a tide, a vehicle.toml to migrate, a key, its counter (first byte).
-// What must hold: only HostError with a message free of control characters comes out; a URI that is accepted reads back from its own
-// text; tide points ascend; what is migrated is of the newest version and nothing is left to change in it.
+// What must hold: only HostError with a message free of control characters comes out; a URI that is accepted reads back
+// from its own text; tide points ascend; a configuration that was migrated is of the newest version, with nothing left
+// to change.
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -14,6 +15,7 @@
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/config/migrate.hpp"
 #include "firmware/config/tide_file.hpp"
+#include "firmware/config/vehicle_file.hpp"
 #include "firmware/keys/command_key.hpp"
 #include "firmware/keys/counter_file.hpp"
 #include "hal/linux/uri.hpp"
@@ -65,6 +67,11 @@ void check_migrate(std::string_view text) {
   const std::int64_t newest = steps.back().version + 1;
   const auto once = leadline::host::migrate_toml(text, "v.toml", oldest, steps);
   require(once.from >= oldest && once.from <= newest, "a known version");
+  try {
+    (void)leadline::host::parse_vehicle_file(once.text, "v.toml", "");
+  } catch (const HostError&) {
+    return;  // no configuration before, none now
+  }
   const auto twice = leadline::host::migrate_toml(once.text, "v.toml", oldest, steps);
   require(twice.from == newest, "the newest version comes out");
   require(twice.changes.empty() && twice.text == once.text, "and nothing is left to change");
