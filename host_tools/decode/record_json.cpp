@@ -112,7 +112,7 @@ const std::array<NavColumn, 25> kColumns = {{
      [](const NavSample& s) {
        return ordered_json(tidy(static_cast<double>(s.rate_urad_s[2]) * 1e-6 * kDegreesPerRadian));
      }},
-    {"heave_m", base::kNavHeave, kind(NavKind::kHeave),
+    {"heave_down_m", base::kNavHeave, kind(NavKind::kHeave),
      [](const NavSample& s) { return ordered_json(scaled(s.heave_um, 1e6)); }},
     {"utc_us", base::kNavUtc, kind(NavKind::kTime),
      [](const NavSample& s) { return ordered_json(s.utc_us); }},
@@ -151,6 +151,35 @@ constexpr std::array<KindName, 13> kKinds = {{
     {"water", base::kNavSoundSpeed | base::kNavTemperature},
     {"line", base::kNavPulse | base::kNavLeak},
 }};
+
+/// One sigma where the sensor states it.
+struct SigmaColumn {
+  const char* key;
+  std::uint32_t fields;  ///< any of these bits
+  double (*value)(const NavSample& sample);
+};
+
+double sigma_degrees(std::uint32_t sigma_urad) {
+  return tidy_angle(sigma_urad * 1e-6 * kDegreesPerRadian);
+}
+
+constexpr std::array<SigmaColumn, 5> kSigmas = {{
+    {"roll_sigma_deg", base::kNavRollPitch,
+     [](const NavSample& s) { return sigma_degrees(s.sigma_attitude_urad[0]); }},
+    {"pitch_sigma_deg", base::kNavRollPitch,
+     [](const NavSample& s) { return sigma_degrees(s.sigma_attitude_urad[1]); }},
+    {"heading_sigma_deg", kHeadings,
+     [](const NavSample& s) { return sigma_degrees(s.sigma_attitude_urad[2]); }},
+    {"position_sigma_m", base::kNavGeodetic | base::kNavPositionLocal,
+     [](const NavSample& s) { return scaled(s.sigma_position_mm, 1e3); }},
+    {"vertical_sigma_m", base::kNavDepth | base::kNavPositionLocal,
+     [](const NavSample& s) { return scaled(s.sigma_vertical_mm, 1e3); }},
+}};
+
+/// Down positive is how samples count; these devices' own numbers count up.
+bool heave_counts_up(Driver driver) {
+  return driver == Driver::kTss1 || driver == Driver::kNmea2000;
+}
 
 /// What a record is about whose codec does not say.
 NavKind kind_of(const NavSample& sample) {
@@ -250,6 +279,16 @@ ordered_json sample_json(const NavSample& sample, Driver driver, std::optional<b
     } else if ((column.kinds & kind(about)) != 0) {
       json[column.key] = nullptr;
     }
+  }
+  for (const SigmaColumn& sigma : kSigmas) {
+    if ((fields & sigma.fields) != 0 && sigma.value(sample) > 0) {
+      json[sigma.key] = sigma.value(sample);
+    }
+  }
+  if (json.contains("heave_down_m")) {
+    const ordered_json& down = json["heave_down_m"];
+    const double sign = heave_counts_up(driver) ? -1 : 1;
+    json["heave_m"] = down.is_null() ? down : ordered_json(sign * down.get<double>() + 0.0);
   }
   return json;
 }

@@ -19,6 +19,7 @@ constexpr std::uint32_t kMaxNotePgn = 0xFFFFFFU;
 constexpr std::uint32_t kMaxExtendedId = 0x1FFFFFFFU;
 // The flag candump writes into the identifier of an error frame.
 constexpr std::uint32_t kCandumpError = 0x20000000U;
+constexpr std::size_t kMaxCanFd_bytes = 64;
 
 std::vector<std::string_view> split(std::string_view text, std::string_view separators) {
   std::vector<std::string_view> parts;
@@ -108,72 +109,119 @@ std::optional<std::uint32_t> identifier(std::string_view text) {
                                   : std::nullopt;
 }
 
+/// A frame of either kind of CAN.
+struct TextFrame {
+  hal::CanFrame frame{};
+  std::size_t size_bytes = 0;  ///< more than eight: CAN FD, and `frame` has the first eight
+};
+
+/// Whether a frame of either kind can be so long.
+bool is_length(std::size_t size_bytes) {
+  constexpr std::array<std::size_t, 7> kLong = {12, 16, 20, 24, 32, 48, kMaxCanFd_bytes};
+  return size_bytes <= hal::kMaxCanData_bytes ||
+         std::find(kLong.begin(), kLong.end(), size_bytes) != kLong.end();
+}
+
 /// Adds the two digits as one byte; false where they are none or the frame is full.
-bool append_byte(std::string_view digits, hal::CanFrame* frame) {
+bool append_byte(std::string_view digits, std::size_t capacity_bytes, TextFrame* text) {
   const auto value = whole_number<std::uint8_t>(digits, 16);
-  if (!value || digits.size() != 2 || frame->length_bytes >= hal::kMaxCanData_bytes) {
+  if (!value || digits.size() != 2 || text->size_bytes >= capacity_bytes) {
     return false;
   }
-  frame->data[frame->length_bytes++] = *value;
+  if (text->size_bytes++ < hal::kMaxCanData_bytes) {
+    text->frame.data[text->frame.length_bytes++] = *value;
+  }
   return true;
 }
 
-/// "09F112CC#FF725A", "123#R".
-std::optional<hal::CanFrame> compact_frame(std::string_view text) {
+/// "09F112CC#FF725A", "123#R", CAN FD with its flags "09F112CC##1FF725A"; "_E" behind eight bytes is the length
+/// code that said more.
+std::optional<TextFrame> compact_frame(std::string_view text) {
   const std::size_t hash = text.find('#');
   const auto id = identifier(text.substr(0, hash));
   std::string_view digits = text.substr(hash + 1);
   if (!id) {
     return std::nullopt;
   }
-  hal::CanFrame frame{};
-  frame.id = *id;
+  TextFrame result;
+  result.frame.id = *id;
   if (!digits.empty() && digits[0] == 'R') {
-    frame.id |= hal::kCanRemote;
-    return frame;
+    result.frame.id |= hal::kCanRemote;
+    return result;
+  }
+  std::size_t capacity_bytes = hal::kMaxCanData_bytes;
+  if (!digits.empty() && digits[0] == '#') {
+    if (!whole_number<std::uint8_t>(digits.substr(1, 1), 16)) {
+      return std::nullopt;
+    }
+    capacity_bytes = kMaxCanFd_bytes;
+    digits.remove_prefix(2);
   }
   for (; !digits.empty(); digits.remove_prefix(std::min<std::size_t>(2, digits.size()))) {
     if (digits[0] == '.') {  // candump may separate bytes
       digits.remove_prefix(1);
     }
-    if (!append_byte(digits.substr(0, 2), &frame)) {
+    if (digits.size() == 2 && digits[0] == '_' && result.size_bytes == hal::kMaxCanData_bytes) {
+      break;
+    }
+    if (!append_byte(digits.substr(0, 2), capacity_bytes, &result)) {
       return std::nullopt;
     }
   }
-  return frame;
+  return is_length(result.size_bytes) ? std::optional(result) : std::nullopt;
 }
 
-/// "can0 [RX - -] 09F112CC [8] FF 72 ...": the words behind the time.
-std::optional<hal::CanFrame> spaced_frame(const std::vector<std::string_view>& words) {
-  std::size_t bracket = 0;
-  while (bracket < words.size() && words[bracket].front() != '[') {
-    ++bracket;
-  }
-  if (bracket < 1 || bracket + 1 > words.size() || words[bracket].back() != ']') {
+/// What "[8]" says, CAN FD's "[64]", or the length code "{E}" of eight bytes.
+std::optional<std::size_t> stated_length(std::string_view word) {
+  if (word.size() < 3) {
     return std::nullopt;
   }
-  const auto length =
-      whole_number<std::uint8_t>(words[bracket].substr(1, words[bracket].size() - 2), 10);
-  std::string_view name = words[bracket - 1];
+  const std::string_view inside = word.substr(1, word.size() - 2);
+  if (word.front() == '{' && word.back() == '}') {
+    const auto code = whole_number<std::uint8_t>(inside, 16);
+    return code && *code > hal::kMaxCanData_bytes && *code < 16
+               ? std::optional<std::size_t>(hal::kMaxCanData_bytes)
+               : std::nullopt;
+  }
+  const auto length = whole_number<std::uint8_t>(inside, 10);
+  return word.back() == ']' && length && is_length(*length) ? std::optional<std::size_t>(*length)
+                                                            : std::nullopt;
+}
+
+/// "can0 [RX - -] 09F112CC [8] FF 72 ...": the words behind the time. Without a length every word behind the
+/// identifier has to be a byte of a message with a 29-bit identifier.
+std::optional<TextFrame> spaced_frame(const std::vector<std::string_view>& words) {
+  std::size_t bracket = 0;
+  while (bracket < words.size() && words[bracket].front() != '[' && words[bracket].front() != '{') {
+    ++bracket;
+  }
+  const bool stated = bracket < words.size();
+  if (bracket < 1 || (!stated && (words.size() < 3 || words[1].size() != 8))) {
+    return std::nullopt;
+  }
+  const auto length = stated ? stated_length(words[bracket]) : words.size() - 2;
+  std::string_view name = stated ? words[bracket - 1] : words[1];
   if (name.size() > 4 && name.substr(0, 3) == "<0x" && name.back() == '>') {
     name = name.substr(3, name.size() - 4);
   }
   const auto id = identifier(name);
-  if (!length || *length > hal::kMaxCanData_bytes || !id) {
+  if (!length || !id) {
     return std::nullopt;
   }
-  hal::CanFrame frame{};
-  frame.id = *id;
-  if (bracket + 1 < words.size() && words[bracket + 1] == "remote") {
-    frame.id |= hal::kCanRemote;
-    return frame;
+  TextFrame result;
+  result.frame.id = *id;
+  const std::size_t first = stated ? bracket + 1 : 2;
+  if (first < words.size() && words[first] == "remote") {
+    result.frame.id |= hal::kCanRemote;
+    return result;
   }
-  for (std::size_t i = 1; i <= *length; ++i) {
-    if (bracket + i >= words.size() || !append_byte(words[bracket + i], &frame)) {
+  const std::size_t capacity_bytes = stated ? kMaxCanFd_bytes : hal::kMaxCanData_bytes;
+  for (std::size_t i = 0; i < *length; ++i) {
+    if (first + i >= words.size() || !append_byte(words[first + i], capacity_bytes, &result)) {
       return std::nullopt;
     }
   }
-  return frame;
+  return result;
 }
 
 /// "hh:mm:ss.mmm R 09F112CC FF 72 ...": one frame, R received or T sent, at a time of day.
@@ -190,16 +238,16 @@ bool parse_gateway(const std::vector<std::string_view>& words, CanLine* result) 
       !id) {
     return false;
   }
-  hal::CanFrame frame{};
-  frame.id = *id;
+  TextFrame text;
+  text.frame.id = *id;
   for (std::size_t i = 3; i < words.size(); ++i) {
-    if (!append_byte(words[i], &frame)) {
+    if (!append_byte(words[i], hal::kMaxCanData_bytes, &text)) {
       return false;
     }
   }
   result->kind = CanLineKind::kFrames;
   result->t_us = (*hour * 60 + *minute) * base::TimeUs{60'000'000} + *second_us;
-  result->frames.push_back(frame);
+  result->frames.push_back(text.frame);
   return true;
 }
 
@@ -225,17 +273,19 @@ CanLine parse_candump(std::string_view line) {
     return result;
   }
   const std::vector<std::string_view> words = split(line, " \t");
-  std::optional<hal::CanFrame> frame;
+  std::optional<TextFrame> text;
   if (words.size() >= 2 && words[1].find('#') != std::string_view::npos) {
-    frame = compact_frame(words[1]);
+    text = compact_frame(words[1]);
   } else if (!result.t_us && parse_gateway(words, &result)) {
     return result;
   } else if (words.size() >= 2) {
-    frame = spaced_frame(words);
+    text = spaced_frame(words);
   }
-  if (frame) {
+  if (text && text->size_bytes > hal::kMaxCanData_bytes) {
+    result.kind = CanLineKind::kLong;
+  } else if (text) {
     result.kind = CanLineKind::kFrames;
-    result.frames.push_back(*frame);
+    result.frames.push_back(text->frame);
   }
   return result;
 }
@@ -284,10 +334,12 @@ bool is_canboat(std::string_view line) {
 }  // namespace
 
 bool looks_like_can_text(std::string_view line) {
-  return CanTextReader().parse(line).kind == CanLineKind::kFrames;
+  const CanLineKind kind = CanTextReader().parse(line).kind;
+  return kind == CanLineKind::kFrames || kind == CanLineKind::kLong;
 }
 
 CanLine CanTextReader::parse(std::string_view line) {
+  const bool indented = !line.empty() && line.front() == '\t';
   line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
   CanLine result;
   if (line.empty() || line.front() == '#') {
@@ -295,7 +347,11 @@ CanLine CanTextReader::parse(std::string_view line) {
     return result;
   }
   if (!is_canboat(line)) {
-    return parse_candump(line);
+    result = parse_candump(line);
+    if (result.kind == CanLineKind::kBad && indented) {
+      result.kind = CanLineKind::kComment;  // candump -e: what an error frame means
+    }
+    return result;
   }
   const std::string_view time_text = line.substr(0, line.find(','));
   const std::vector<std::string_view> fields = split(line.substr(time_text.size()), ", ");

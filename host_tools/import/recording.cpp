@@ -45,6 +45,9 @@ class CanTextRecording : public Recording {
       if (line.kind == CanLineKind::kBad) {
         ++rejected_["bad_line"];
       }
+      if (line.kind == CanLineKind::kLong) {
+        ++rejected_["can_fd"];
+      }
       if (line.kind != CanLineKind::kFrames) {
         continue;
       }

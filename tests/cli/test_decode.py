@@ -125,6 +125,34 @@ class Decode(unittest.TestCase):
         found, _ = records("xsens", "-", b"\xfa" + body + bytes([-sum(body) & 255]))
         self.assertEqual([record["pressure_pa"] for record in found], [101325])
 
+    def test_heave_as_the_device_counts_it_and_down(self):
+        # A maker's page's TSS1 line; 127252.
+        found, _ = records("tss1", "-", b":00FFCA -0003F-0325  0319\r\n")
+        self.assertEqual([(record["heave_m"], record["heave_down_m"]) for record in found], [(-0.03, 0.03)])
+        self.assertAlmostEqual(found[0]["roll_deg"], -3.25, delta=0.01)
+        self.assertAlmostEqual(found[0]["pitch_deg"], 3.19, delta=1e-5)
+        found, _ = records("nmea2000", "-", b"(1.0) can0 0DF11423#00D7FFFFFFFFFFFF\n"
+                                            b"(2.0) can0 0DF11423#000080FFFFFFFFFF\n")
+        self.assertEqual([(record["heave_m"], record["valid"]) for record in found],
+                         [(-0.41, True), (None, False)])
+
+    def test_sigmas_where_the_device_states_them(self):
+        found, _ = records("nmea", "-", b"$PASHR,164100190,138.24,T,+32.56,+48.49,+00.00,3.141,"
+                                        b"3.141,35.000,1,0*17\r\n$PRDID,-4.44,2.12,154.25*56\r\n")
+        for key, value in (("roll_sigma_deg", 3.141), ("pitch_sigma_deg", 3.141), ("heading_sigma_deg", 35)):
+            self.assertAlmostEqual(found[0][key], value, delta=1e-4)
+            self.assertNotIn(key, found[1])
+        found, _ = records("wldvl", "-", b"wrp,49056.809,0.41,0.15,1.23,0.4,53.9,13.0,19.3,0*de\r\n")
+        self.assertEqual(found[0]["position_sigma_m"], 0.4)
+
+    def test_can_fd_is_told_from_damage(self):
+        attitude = "00FF7F1B002105FF"
+        found, summary = records("nmea2000", "-", (
+            f"(1.0) can0 09F11923##1{attitude}\n(1.1) can0 09F11923##1{attitude * 2}\n"
+            f"(1.2) can0 09F11923##1{attitude[1:]}\n(1.3) can0 09F11923#{attitude}\n").encode())
+        self.assertEqual([record["t_us"] for record in found], [1000000, 1300000])
+        self.assertEqual(summary["rejected"], {"bad_line": 1, "can_fd": 1})
+
     def test_depth_below_the_transducer_is_not_depth(self):
         # An echo sounder's, then that of an altimeter which knows the vehicle's depth as well.
         found, _ = records("nmea", "-", b"$SDDBT,,f,12.50,M,,F*00\r\n$SDDPT,3.6,0.0*52\r\n"
@@ -228,6 +256,7 @@ class RealCaptures(unittest.TestCase):
         columns = {"attitude": ("attitude", {"v1": "yaw_deg", "v2": "pitch_deg", "v3": "roll_deg"}),
                    "heading": ("heading", {"v1": "heading_deg"}),
                    "rot": ("rates", {"v1": "yaw_rate_deg_s"}),
+                   "heave": ("heave", {"v1": "heave_m"}),
                    "depth": ("depth", {"v1": "depth_below_transducer_m"})}
         for kind, (record, keys) in columns.items():
             expected = [row for row in table if row["kind"] == kind]

@@ -37,6 +37,11 @@ TEST(layouts_say_the_same) {
            "2017-08-17 15:47:46.421, 2, 127250, 204, 255, 8, ff, 72, 5a, ff, 7f, ff, 7f, fd",
            "<0x09f112cc> [8] ff 72 5a ff 7f ff 7f fd",
            "00:17:55.475 R 09F112CC FF 72 5A FF 7F FF 7F FD",
+           "  can0  09F112CC  FF 72 5A FF 7F FF 7F FD",
+           "(1502984866.421964) can0 09F112CC##1FF725AFF7FFF7FFD",
+           "  can0  09F112CC  [08]  FF 72 5A FF 7F FF 7F FD",
+           "(1502984866.421964) can0 09F112CC#FF725AFF7FFF7FFD_E",
+           "  can0  09F112CC  {E}  FF 72 5A FF 7F FF 7F FD",
        }) {
     const CanFrame frame = only_frame(line);
     assert_int_equal(frame.id, 0x09F112CCU | kCanExtended);
@@ -94,6 +99,24 @@ TEST(long_messages_travel_as_fast_packets) {
   assert_int_equal(second.frames[6].data[7], 0xFF);
 }
 
+TEST(long_frames_of_can_fd_are_told_from_damage) {
+  std::string compact = "(1.0) can0 09F112CC##1";
+  std::string spaced = "  can0  09F112CC  [12] ";
+  for (int i = 0; i < 12; ++i) {
+    compact += "5A";
+    spaced += " 5A";
+  }
+  for (const std::string& line : {compact, spaced}) {
+    assert_true(parsed(line).kind == CanLineKind::kLong);
+    assert_true(parsed(line).frames.empty());
+    assert_true(parsed(line.substr(0, line.size() - 1)).kind == CanLineKind::kBad);
+  }
+  // candump -e: an error frame, then what it means.
+  const CanFrame error = only_frame("  can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME");
+  assert_int_equal(error.id, 4U | kCanError);
+  assert_true(parsed("\tcontroller-problem{tx-error-warning}").kind == CanLineKind::kComment);
+}
+
 TEST(other_lines_are_comments_or_bad) {
   for (const char* const line :
        {"", "   ", "# candump sample", "2016-02-28T19:57:02.480Z,0,262386,0,0,3,01,0e,00"}) {
@@ -103,8 +126,14 @@ TEST(other_lines_are_comments_or_bad) {
            "(1502984866.421964) can0 09F112CC",      // no frame
            "(1502984866.421964) can0 09F112CC#FF7",  // half a byte
            "(1502984866.421964) can0 09F112CC#FFFFFFFFFFFFFFFFFF",
-           "(1502984866.421964) can0 09F112CC##3FF",  // CAN FD
-           "(1502984866,421964) can0 09F112CC#FF",    // no time
+           "(1502984866.421964) can0 09F112CC##",  // CAN FD without its flags
+           "(1502984866.421964) can0 09F112CC#FF_E",
+           "can0  09F112CC   {8}  FF 72 5A FF 7F FF 7F FD",
+           "can0  09F112CC   [65]  FF",
+           "(1.0) can0 09F112CC##1FF725AFF7FFF7FFD00",
+           "can0  09F112CC  FF 72 5A FF 7F FF 7F FD 00",
+           "can0  123  FF 72",
+           "(1502984866,421964) can0 09F112CC#FF",  // no time
            "(1502984866.421964 can0 09F112CC#FF",
            "(1.0) can0 12#FF",  // no identifier
            "(1.0) can0 FFFFFFFFF#FF",
