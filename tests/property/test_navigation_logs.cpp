@@ -18,6 +18,9 @@ TEST(dead_reckoning_of_a_real_vehicle) {
   double aligned = 0;
   double nees = 0;
   int within = 0;
+  double drift_shipped = 0;
+  double nees_shipped = 0;
+  int within_shipped = 0;
   for (int number = 1; number <= kLogs; ++number) {
     const Log log = read_log(number);
     const Alignment at = alignment(log);
@@ -45,6 +48,12 @@ TEST(dead_reckoning_of_a_real_vehicle) {
     // 1,200 degrees of freedom: 95 % between 0.92 and 1.08. Two smooth logs and a rough one lie at the edge.
     within += both.nis > 0.92 && both.nis < 1.08 ? 1 : 0;
     assert_true(both.nis > 0.90 && both.nis < 1.10);
+    // What a vehicle flies with errs on the safe side.
+    within_shipped += as_shipped.nis > 0.92 && as_shipped.nis < 1.08 ? 1 : 0;
+    assert_true(as_shipped.nis > 0.80 && as_shipped.nis < 1.08);
+    assert_true(as_shipped.nees2 < 3.69);
+    drift_shipped += percent * as_shipped.error_m / kLogs;
+    nees_shipped += as_shipped.nees2 / kLogs;
     // Two degrees of freedom: 97.5 % below.
     assert_true(both.nees2 < 3.69);
     assert_true(both.gated <= 1);
@@ -54,11 +63,17 @@ TEST(dead_reckoning_of_a_real_vehicle) {
     nees += both.nees2 / kLogs;
   }
   print_message("| mean | | | %.2f | %.2f | %.2f | | | %.2f | |\n", plain, bare, aligned, nees);
-  print_message("NIS / 3 within 0.92 and 1.08 on %d of %d logs\n", within, kLogs);
+  print_message(
+      "NIS / 3 within 0.92 and 1.08 on %d of %d logs; with the filter's defaults on %d, drift %.2f "
+      "%%, NEES / 2 "
+      "%.2f in the mean\n",
+      within, kLogs, within_shipped, drift_shipped, nees_shipped);
   assert_true(within >= kLogs - 3);
   assert_true(aligned < 0.7 * plain);
   // Sixteen degrees of freedom: 95 % between 0.43 and 1.80.
   assert_true(nees > 0.43 && nees < 1.80);
+  assert_true(nees_shipped > 0.43 && nees_shipped < 1.80);
+  assert_true(drift_shipped < 0.7 * plain);
 }
 
 }  // namespace
