@@ -279,6 +279,7 @@ void Vehicle::reset_map_state() {
   link_map_.reset(tile_count);
   ledger_.reset(first_patience_us());
   looked_at_ = LookedAt{};
+  vehicle_tile_known_ = false;
   digest_asked_ = proto::TileRange{};
   commands_.slice.row_count = 0;
   if (model_.grid().windowed()) {

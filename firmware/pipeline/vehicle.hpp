@@ -432,7 +432,8 @@ class Vehicle {
   LinkLedger ledger_;
   std::array<FrameTile, proto::kMaxPacketTiles> frame_tiles_{};  ///< of the frame being filled
   LookedAt looked_at_{};
-  std::int32_t vehicle_row_ = 0;  ///< of tiles, perhaps outside the grid
+  std::int32_t vehicle_row_ =
+      0;  ///< of the tile that it was last known to be over, perhaps outside the grid
   std::int32_t vehicle_column_ = 0;
   proto::TileRange digest_asked_{};  ///< count 0: none
   Downlink downlink_;

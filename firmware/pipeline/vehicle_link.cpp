@@ -388,10 +388,17 @@ std::uint32_t Vehicle::favour(TileId tile) const {
   return favour + (looked_at ? 128U : 0U);
 }
 
-// Which tile the vehicle is over, once a cycle.
+// Which tile the vehicle is over, once a cycle: while that is known to half a tile. Dead reckoning goes on for ever, and
+// would carry it off the map.
 void Vehicle::note_vehicle_tile() {
   const base::Pose& pose = navigator_.latest();
-  vehicle_tile_known_ = (pose.validity & base::kPoseHorizontal) != 0;
+  const std::uint32_t(&sigma_mm)[3] = pose.covariance.sigma_position_mm;
+  const auto half_tile_mm =
+      static_cast<std::uint32_t>(config_.model.cell_mm * model::kTileCells / 2);
+  if ((pose.validity & base::kPoseHorizontal) == 0 ||
+      base::max_of(sigma_mm[base::kNorth], sigma_mm[base::kEast]) > half_tile_mm) {
+    return;
+  }
   const auto tile_of = [this, &pose](std::size_t axis) {
     const std::int64_t cells =
         (pose.position_um[axis] / 1000 - config_.model.origin_mm[axis]) / config_.model.cell_mm;
@@ -400,6 +407,7 @@ void Vehicle::note_vehicle_tile() {
   };
   vehicle_row_ = tile_of(base::kNorth);
   vehicle_column_ = tile_of(base::kEast);
+  vehicle_tile_known_ = true;
 }
 
 void Vehicle::send_hello() {

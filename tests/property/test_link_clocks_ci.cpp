@@ -351,6 +351,124 @@ TEST(tiles_that_are_looked_at_come_first_where_the_line_is_slow) {
   assert_true(looked_s < 0.8 * before_s);
 }
 
+/// Tiles in the order in which the vehicle first sent of them, and how many cells of each.
+struct SentTiles {
+  std::vector<std::uint32_t> order;
+  std::map<std::uint32_t, int> cells;
+};
+
+SentTiles tiles_of(const std::vector<Bytes>& frames) {
+  SentTiles tiles;
+  leadline::proto::FrameDecoderBuffer<> decoder;
+  for (const Bytes& frame : frames) {
+    std::size_t used = 0;
+    leadline::proto::FrameView view{};
+    assert_true(decoder.decoder().feed(frame.data(), frame.size(), used, view));
+    leadline::proto::TilePacketDecoder packet;
+    if (packet.open(view.payload, view.payload_bytes) != leadline::base::Status::kOk) {
+      continue;
+    }
+    leadline::proto::TileDelta delta{};
+    while (packet.next(delta)) {
+      if (tiles.cells.count(delta.tile) == 0) {
+        tiles.order.push_back(delta.tile);
+      }
+      tiles.cells[delta.tile] += delta.cell_count;
+    }
+  }
+  return tiles;
+}
+
+/// Rings of tiles between one of the rig's and the one that the vehicle believes to be over.
+std::int32_t rings_to_vehicle(std::uint32_t tile, const leadline::base::Pose& pose) {
+  const VehicleConfig config = leadline::test::rig_config();
+  const auto tile_of = [&](int axis) {
+    const std::int64_t offset_mm = pose.position_um[axis] / 1000 - config.model.origin_mm[axis];
+    return static_cast<std::int32_t>(offset_mm / (16 * config.model.cell_mm));
+  };
+  return std::max(std::abs(static_cast<std::int32_t>(tile) / 6 - tile_of(0)),
+                  std::abs(static_cast<std::int32_t>(tile) % 6 - tile_of(1)));
+}
+
+/// To half a tile.
+bool knows_place() {
+  const auto& pose = vehicle.latest_pose();
+  return std::max(pose.covariance.sigma_position_mm[0], pose.covariance.sigma_position_mm[1]) <=
+         4000;
+}
+
+// Of tiles that have waited and changed alike the nearer goes first; long after the last fix, nearer to where the
+// vehicle was last known to be: dead reckoning has left the map by then.
+TEST(near_tiles_come_first_with_and_without_fixes) {
+  Tether tether(1, false);
+  tether.vehicle_us = flown(4000);
+  tether.settle(60);
+  for (const bool known : {true, false}) {
+    leadline::base::Pose place = vehicle.latest_pose();
+    const TimeUs until_us = tether.real_us + (known ? 0 : 60 * kSecond_us);
+    while (tether.real_us < until_us) {
+      place = knows_place() ? vehicle.latest_pose() : place;
+      tether.step();
+    }
+    assert_true(knows_place() == known);
+    // Nothing of the map is near where dead reckoning is by now.
+    assert_true(known || rings_to_vehicle(0, vehicle.latest_pose()) > 12);
+    tether.sent.clear();
+    vehicle.restart_link();
+    tether.settle(60);
+    const std::vector<std::uint32_t> order = tiles_of(tether.sent).order;
+    assert_true(order.size() >= 10);
+    std::vector<std::int32_t> rings;
+    for (const std::uint32_t tile : order) {
+      rings.push_back(rings_to_vehicle(tile, place));
+    }
+    assert_true(std::is_sorted(rings.begin(), rings.end()));
+    assert_true(rings.back() < 8 && rings.back() - rings.front() >= 3);
+  }
+}
+
+// Those that changed while the line took nothing: of two, the one with more new cells goes first, where the
+// difference is larger than what nearness (12 a ring) and age (one in 33 ms) can make of it.
+TEST(tiles_that_changed_most_come_first) {
+  VehicleConfig config = slow_config(4000);
+  config.ports[leadline::test::kRigSonar].driver = leadline::firmware::Driver::kDeltat83p;
+  config.cycle_tile_budget = 64;
+  leadline::test::configure_rig(vehicle, config);
+  leadline::test::RigOptions options;
+  options.fan_beams = 120;
+  options.seconds = 8.0;
+  options.speed_m_s = 3.0;
+  options.room_bytes = 0;
+  // A second of soundings, then nothing until all of it is due.
+  options.tamper = [](leadline::test::RecordedCycle& cycle) {
+    const auto of_sonar = [](const auto& chunk) { return chunk.port == leadline::test::kRigSonar; };
+    if (cycle.t_us < 4 * kSecond_us || cycle.t_us > 5 * kSecond_us) {
+      cycle.chunks.erase(std::remove_if(cycle.chunks.begin(), cycle.chunks.end(), of_sonar),
+                         cycle.chunks.end());
+    }
+  };
+  const Recording recording = leadline::test::fly(vehicle, options);
+  const leadline::base::Pose place = vehicle.latest_pose();
+  Tether tether(1, false);
+  tether.vehicle_us = recording.back().t_us;
+  tether.settle(60);
+  const SentTiles tiles = tiles_of(tether.sent);
+  assert_true(tiles.order.size() >= 5);
+  constexpr std::int32_t kAges_ticks = 40;
+  int pairs = 0;
+  for (auto later = tiles.order.begin(); later != tiles.order.end(); ++later) {
+    for (auto first = tiles.order.begin(); first != later; ++first) {
+      const int more = tiles.cells.at(*later) - tiles.cells.at(*first);
+      const int rings = rings_to_vehicle(*later, place) - rings_to_vehicle(*first, place);
+      assert_true(more <= 12 * std::max(rings, 0) + kAges_ticks);
+      pairs += -more > 12 * std::max(-rings, 0) + kAges_ticks ? 1 : 0;
+    }
+  }
+  // So many could have come the wrong way round.
+  std::printf("%zu tiles, %d pairs far apart\n", tiles.order.size(), pairs);
+  assert_true(pairs >= 6);
+}
+
 TEST(statuses_go_before_tiles_and_none_waits_for_them) {
   Tether tether(1, false);
   tether.vehicle_us = flown(60);

@@ -127,6 +127,11 @@ TEST(any_mtu_and_a_line_that_only_reorders_or_only_doubles_converge) {
   for (const std::uint16_t mtu_bytes :
        {std::uint16_t{256}, std::uint16_t{700}, std::uint16_t{1400}}) {
     TimeUs t_us = flown(960.0, mtu_bytes);
+    LinkTrialOptions clean;
+    clean.line.bytes_per_s = 960.0;
+    const LinkTrialResult lossless = run_link_trial(&vehicle, &t_us, clean);
+    assert_true(lossless.converged);
+    settle_vehicle(&vehicle, &t_us, 20'000);
     LinkTrialOptions options = bad_line(960.0, mtu_bytes);
     const LinkTrialResult bad = run_link_trial(&vehicle, &t_us, options);
     assert_true(bad.converged && bad.frames_dropped > 0);
@@ -138,7 +143,9 @@ TEST(any_mtu_and_a_line_that_only_reorders_or_only_doubles_converge) {
       const LinkTrialResult result = run_link_trial(&vehicle, &t_us, options);
       assert_true(result.converged && result.hash_equal);
       assert_int_equal(result.frames_dropped, 0);
-      assert_true(result.bytes_down < bad.bytes_down);
+      // Less than a line that loses needs at least: one run on such a line may be luckier than that.
+      assert_true(static_cast<double>(result.bytes_down) * (1.0 - kLoss) <
+                  static_cast<double>(lossless.bytes_down));
       // A tenth of what came, doubles too, and what the first reports take on credit.
       assert_true(result.bytes_up * 20 <= result.bytes_down * 3 + 1280);
     }
