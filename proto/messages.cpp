@@ -684,12 +684,30 @@ base::Result<ResendRequest> decode_resend_request(const std::uint8_t* payload,
 base::Result<std::size_t> encode_hello_request(std::uint8_t* out, std::size_t capacity_bytes) {
   ByteWriter fields(out, capacity_bytes);
   fields.u8(static_cast<std::uint8_t>(MessageType::kHelloRequest));
+  fields.u8(kProtocolMajor);
+  fields.u8(kProtocolMinor);
   return fields.result();
 }
 
-bool is_hello_request(const std::uint8_t* payload, std::size_t size_bytes) {
+base::Result<HelloRequest> decode_hello_request(const std::uint8_t* payload,
+                                                std::size_t size_bytes) {
   ByteReader fields(payload, size_bytes);
-  return opens_as(fields, MessageType::kHelloRequest);
+  if (!opens_as(fields, MessageType::kHelloRequest)) {
+    return base::Status::kInvalidArgument;
+  }
+  HelloRequest request{1, 0};
+  if (fields.left_bytes() == 0) {
+    return request;
+  }
+  request.protocol_major = fields.u8();
+  if (request.protocol_major != kProtocolMajor) {
+    return base::Status::kBadVersion;
+  }
+  request.protocol_minor = fields.u8();
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  return request;
 }
 
 // --- Digest

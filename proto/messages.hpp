@@ -129,6 +129,8 @@ enum Alarm : std::uint32_t {
   kAlarmRestarted = 1U << 12U,     ///< the vehicle failed and started over, with an empty map
   kAlarmLeak = 1U << 13U,          ///< a leak switch is wet
   kAlarmStopped = 1U << 14U,       ///< the survey was stopped by a command: nothing is mapped
+  kAlarmForeignTopside =
+      1U << 15U,  ///< a topside of another major asked in the last minute: refused
 };
 
 inline constexpr int kMaxStatusPorts = 8;
@@ -297,11 +299,22 @@ inline constexpr std::size_t kMaxResendRequest_bytes = 4 + 8 * kMaxResendRanges;
 [[nodiscard]] base::Result<ResendRequest> decode_resend_request(const std::uint8_t* payload,
                                                                 std::size_t size_bytes);
 
-// --- Hello request (uplink): a topside that knows no hello asks for one. No fields
+// --- Hello request (uplink): a topside that knows no hello asks for one, and which version it speaks
 
+/// The fields came with minor 1: a request without them is one of 1.0.
+struct HelloRequest {
+  std::uint8_t protocol_major;
+  std::uint8_t protocol_minor;
+};
+
+inline constexpr std::size_t kHelloRequest_bytes = 3;
+
+/// One of this version.
 [[nodiscard]] base::Result<std::size_t> encode_hello_request(std::uint8_t* out,
                                                              std::size_t capacity_bytes);
-[[nodiscard]] bool is_hello_request(const std::uint8_t* payload, std::size_t size_bytes);
+/// kBadVersion when its major is not ours.
+[[nodiscard]] base::Result<HelloRequest> decode_hello_request(const std::uint8_t* payload,
+                                                              std::size_t size_bytes);
 
 // --- Digest: hashes over ranges of tiles, so that two ends find where they differ in a few packets
 

@@ -144,6 +144,7 @@ struct VehicleCounters {
   std::uint64_t downlink_bytes;  ///< all frames, framing included
   std::uint64_t uplink_frames;
   std::uint64_t uplink_rejected;  ///< bad frames, malformed or unknown messages, another survey's
+  std::uint64_t uplink_foreign;   ///< of these, hello requests of another major
   std::uint64_t resend_requests;
   std::uint64_t reports;     ///< of the topside
   std::uint64_t tiles_lost;  ///< tiles in frames that were taken for lost: their cells went again
@@ -259,6 +260,7 @@ class Vehicle {
     base::TimeUs digest_due_us;
     base::TimeUs digest_sent_us;
     base::TimeUs digest_gap_us;
+    base::TimeUs foreign_until_us;  ///< a topside of another major is spoken of until then
   };
   /// What a status says of the newest transmission, worked out when it says it.
   struct MappedBeam {

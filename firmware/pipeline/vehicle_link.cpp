@@ -28,6 +28,8 @@ constexpr std::size_t kFewTiles = 8;
 constexpr std::size_t kDigestHeader_bytes = 10;
 // Where the topside looked last counts for so long.
 constexpr TimeUs kLook_us = 60'000'000;
+// A topside of another major is spoken of for so long.
+constexpr TimeUs kForeign_us = 60'000'000;
 // A port that has not said anything intelligible for this long is silent.
 constexpr TimeUs kSilence_us = 5'000'000;
 // Changes that wait longer than this for the link, in ticks of 32.768 ms: 10 s.
@@ -63,6 +65,8 @@ constexpr AlarmText kBegins[] = {
     {proto::kAlarmRestarted, proto::Severity::kError, "Started over after a failure"},
     {proto::kAlarmLeak, proto::Severity::kError, "LEAK: water in the hull"},
     {proto::kAlarmStopped, proto::Severity::kInfo, "Survey stopped: nothing is mapped"},
+    {proto::kAlarmForeignTopside, proto::Severity::kWarning,
+     "Topside refused: it speaks another major version"},
 };
 constexpr AlarmText kEnds[] = {
     {proto::kAlarmMappingPaused, proto::Severity::kInfo, "Mapping goes on"},
@@ -118,8 +122,15 @@ void Vehicle::take_message(const proto::FrameView& frame, TimeUs came_us) {
   const bool known = proto::message_type(payload, size, type);
   bool taken = false;
   if (known && type == proto::MessageType::kHelloRequest) {
-    answer_hello_request();
-    taken = true;
+    const auto request = proto::decode_hello_request(payload, size);
+    taken = request.ok();
+    if (taken) {
+      answer_hello_request();
+    } else if (request.status() == base::Status::kBadVersion) {
+      // Whatever else it says lacks the survey's tag, which only a hello that it can read tells.
+      ++counters_.uplink_foreign;
+      watch_.foreign_until_us = link_us_ + kForeign_us;
+    }
   } else if (known && type == proto::MessageType::kResendRequest) {
     const auto request = proto::decode_resend_request(payload, size);
     taken = ours(request);
@@ -622,6 +633,7 @@ std::uint32_t Vehicle::alarms_now() const {
         (pose.position_um[axis] / 1000 - config_.model.origin_mm[axis]) / config_.model.cell_mm;
     outside = outside || cells < 0 || cells >= config_.model.size[axis];
   }
+  raise(link_us_ < watch_.foreign_until_us, proto::kAlarmForeignTopside);
   raise(outside && (pose.validity & base::kPoseHorizontal) != 0, proto::kAlarmOutsideGrid);
   return alarms;
 }

@@ -52,15 +52,6 @@ double now_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// Also what makes us known to a vehicle that listens.
-std::vector<std::uint8_t> hello_request() {
-  std::uint8_t payload = 0;
-  const auto size = proto::encode_hello_request(&payload, 1);
-  std::vector<std::uint8_t> frame(proto::frame_bound_bytes(size.value()));
-  frame.resize(proto::encode_frame(&payload, size.value(), frame.data(), frame.size()).value());
-  return frame;
-}
-
 base::TimeUs to_us(double seconds) { return static_cast<base::TimeUs>(seconds * 1e6); }
 
 class Session {
@@ -167,7 +158,8 @@ class Session {
     double ask_s = 0;
     wait_until(begin_s_ + options_.timeout_s, [&] {
       if (receiver_.store() == nullptr && now_s() >= ask_s) {
-        (void)link_.send(hello_request());
+        // Also what makes us known to a vehicle that listens.
+        (void)link_.send(hello_request_frame());
         ask_s = now_s() + 1.0;
       }
       return receiver_.store() != nullptr && (options_.slice_at_m || receiver_.status());

@@ -48,8 +48,16 @@ void LinkReader::share(const std::string& socket_path) {
 }
 
 std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
-  return read_bytes(now_s, [receiver](const std::uint8_t* data, std::size_t size_bytes) {
-    receiver->feed(data, size_bytes);
+  return read_bytes(now_s, [this, receiver](const std::uint8_t* data, std::size_t size_bytes) {
+    try {
+      receiver->feed(data, size_bytes);
+    } catch (const HostError&) {
+      // A vehicle of another major is told why nobody listens.
+      if (!is_file_) {
+        (void)send(hello_request_frame());
+      }
+      throw;
+    }
   });
 }
 

@@ -27,7 +27,7 @@ class LinkReader {
   void share(const std::string& socket_path);
 
   /// Feeds what has come, at most so much that a flood lets the caller look at its clock in between.
-  /// Returns the bytes. Passes on what Receiver::feed throws.
+  /// Returns the bytes. Passes on what Receiver::feed throws: the vehicle is told first which version is spoken here.
   std::size_t read_some(Receiver* receiver, double now_s);
   /// The same for whoever takes bytes.
   std::size_t read_bytes(double now_s,

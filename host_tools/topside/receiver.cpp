@@ -63,9 +63,15 @@ constexpr AlarmName kAlarmNames[] = {
     {proto::kAlarmRestarted, "the vehicle failed and started over"},
     {proto::kAlarmLeak, "leak"},
     {proto::kAlarmStopped, "survey stopped by command"},
+    {proto::kAlarmForeignTopside, "a topside of another version is refused"},
 };
 
 }  // namespace
+
+std::vector<std::uint8_t> hello_request_frame() {
+  std::uint8_t payload[proto::kHelloRequest_bytes];
+  return framed(payload, proto::encode_hello_request(payload, sizeof payload));
+}
 
 std::string alarm_text(std::uint32_t alarms) {
   std::string text;
@@ -391,8 +397,7 @@ std::vector<std::uint8_t> Receiver::resend_request() {
   std::uint8_t payload[proto::kMaxResendRequest_bytes];
   if (!store_) {
     const bool unexplained = counters_.frames > 0 && counters_.hellos == 0;
-    return unexplained ? framed(payload, proto::encode_hello_request(payload, sizeof payload))
-                       : std::vector<std::uint8_t>{};
+    return unexplained ? hello_request_frame() : std::vector<std::uint8_t>{};
   }
   const proto::ResendRequest request = wanted();
   if (request.range_count == 0) {

@@ -47,6 +47,9 @@ struct ReceiverNotice {
   std::string text;
 };
 
+/// The frame by which a topside asks for a hello, and says which version it speaks.
+[[nodiscard]] std::vector<std::uint8_t> hello_request_frame();
+
 class Receiver {
  public:
   /// `survey_id`: take this survey only and count all others; unset: the first that speaks, and then

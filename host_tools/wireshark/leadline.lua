@@ -354,7 +354,13 @@ dissect[0x40] = function(read, tree)
   return string.format("%d tiles", sum)
 end
 
-dissect[0x41] = function() return "" end
+-- Minor 0 said no version.
+dissect[0x41] = function(read, tree)
+  if read.at >= read.size then return "" end
+  local major = read:uint(tree, f.major, 1)
+  local minor = read:uint(tree, f.minor, 1)
+  return string.format("version %s.%s", major, minor)
+end
 
 dissect[0x42] = function(read, tree)
   read:add(tree, f.tag, 2)

@@ -267,6 +267,14 @@ class Receive(Chain):
         self.assertEqual(done.stdout, "")
         self.assert_no_results()
 
+    def test_a_vehicle_of_another_major_is_told(self):
+        process, link = self.start()
+        link.settimeout(PATIENCE_S)
+        link.send(frame(bytes([1, 2]) + bytes(150)))
+        self.assertEqual(link.recv(100), frame(b"\x41\x01\x01"))
+        process.communicate(timeout=PATIENCE_S)
+        self.assertEqual(process.returncode, INPUT)
+
     def test_nothing_of_a_vehicle(self):
         self.expect(self.receive(b""), INPUT, "no map came")
         self.expect(self.receive(bytes(range(256)) * 50), INPUT, "no hello")

@@ -117,6 +117,10 @@ class Dissector(unittest.TestCase):
         layer = self.one(resend)
         self.assertEqual(layer["leadline.first"], ["0", "2", "1000"])
         self.assertEqual(layer["leadline.count"], ["1", "10", "1"])
+        hello = next(as_bytes(text) for text in texts if text.startswith("41"))
+        layer = self.one(hello)
+        self.assertEqual((layer["leadline.hello.major"], layer["leadline.hello.minor"]), ("1", "1"))
+        self.one(hello[:1])  # as minor 0 asked
         report, digest, both = (as_lines(text) for text in texts[-6:-3])
         tags = self.one(report[0])["leadline.report.frame_tag"]
         self.assertEqual([int(tag, 16) for tag in tags], [0xA1B2, 3])

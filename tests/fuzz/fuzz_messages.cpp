@@ -44,6 +44,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   check(decode_brief(data, size), data, size, encode_brief);
   check(decode_text(data, size), data, size, encode_text);
   check(decode_resend_request(data, size), data, size, encode_resend_request);
+  const auto request = decode_hello_request(data, size);
+  require(!request.ok() || (data[0] == 0x41 && request.value().protocol_major == kProtocolMajor));
   check(decode_digest(data, size), data, size, encode_digest);
   check(decode_report(data, size), data, size, encode_report);
   check(decode_digest_request(data, size), data, size, encode_digest_request);

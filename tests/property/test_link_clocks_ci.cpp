@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <map>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -286,6 +287,67 @@ TEST(an_uplink_of_unknown_type_or_without_sense_is_counted) {
     assert_int_equal(vehicle.counters().uplink_rejected, before.uplink_rejected + 1);
     assert_int_equal(vehicle.counters().uplink_frames, before.uplink_frames + 1);
   }
+}
+
+TEST(a_topside_of_another_major_is_refused_and_spoken_of) {
+  Tether tether(1, false);
+  tether.vehicle_us = flown(4000);
+  tether.settle(60);
+  // A second after a hello that nobody asked for: the next of these is due in nine.
+  const auto type_of = [](const Bytes& frame) { return static_cast<MessageType>(frame[2]); };
+  while (tether.real_us < 20 * kSecond_us || type_of(tether.sent.back()) != MessageType::kHello) {
+    tether.step();
+    assert_true(tether.real_us < 60 * kSecond_us);
+  }
+  for (int i = 0; i < 55; ++i) {
+    tether.step();
+  }
+  struct Heard {
+    int hellos;
+    bool alarm;
+    std::string texts;
+  };
+  const auto after = [&](const Bytes& payload, TimeUs for_us) {
+    std::uint8_t frame[32];
+    const auto size =
+        leadline::proto::encode_frame(payload.data(), payload.size(), frame, sizeof frame);
+    leadline::test::RecordedCycle asked{tether.vehicle_us + kCycle_us, 100'000, {}};
+    asked.chunks.push_back(
+        {leadline::firmware::kUplinkPort, asked.t_us, Bytes(frame, frame + size.value())});
+    tether.sent.clear();
+    tether.step(&asked);
+    const TimeUs until_us = tether.real_us + for_us;
+    while (tether.real_us < until_us) {
+      tether.step();
+    }
+    Heard heard{0, (vehicle.counters().alarms & leadline::proto::kAlarmForeignTopside) != 0, ""};
+    for (const Bytes& each : tether.sent) {
+      heard.hellos += type_of(each) == MessageType::kHello ? 1 : 0;
+    }
+    for (const auto& notice : tether.receiver->take_notices()) {
+      heard.texts += notice.text;
+    }
+    return heard;
+  };
+  static_cast<void>(tether.receiver->take_notices());
+  const auto before = vehicle.counters();
+  const Heard foreign = after({0x41, 2, 0}, kSecond_us);
+  assert_int_equal(foreign.hellos, 0);
+  assert_true(foreign.alarm);
+  assert_true(foreign.texts.find("another major version") != std::string::npos);
+  // What else it may say lacks the survey's tag.
+  const Heard request = after({0x40, 0, 0, 1, 0, 5}, kSecond_us);
+  assert_int_equal(vehicle.counters().uplink_foreign, before.uplink_foreign + 1);
+  assert_int_equal(vehicle.counters().uplink_rejected, before.uplink_rejected + 2);
+  assert_int_equal(vehicle.counters().resend_requests, before.resend_requests);
+  assert_true(request.alarm && request.texts.empty());
+  // Others go on meanwhile: of this version, of 1.0, of a later minor.
+  for (const Bytes& ours : {Bytes{0x41, 1, 1}, Bytes{0x41}, Bytes{0x41, 1, 9, 7}}) {
+    assert_int_equal(after(ours, 2 * kSecond_us).hellos, 1);
+  }
+  assert_true(tether.equal());
+  assert_false(after({0x41, 1, 1}, 60 * kSecond_us).alarm);
+  assert_int_equal(vehicle.counters().uplink_foreign, before.uplink_foreign + 1);
 }
 
 /// When each tile came first, seconds since the vehicle owed all.

@@ -123,9 +123,9 @@ TEST(commands_go_up_and_everything_comes_down) {
   assert_true(sent_up(&share).empty());
   two.say(Bytes(command.begin() + 10, command.end()));
   assert_true(sent_up(&share) == command);
-  std::uint8_t request = 0;
-  const auto size = proto::encode_hello_request(&request, 1);
-  const Bytes hello_request = framed(Bytes(&request, &request + size.value()));
+  std::uint8_t request[proto::kHelloRequest_bytes];
+  const auto size = proto::encode_hello_request(request, sizeof request);
+  const Bytes hello_request = framed(Bytes(request, request + size.value()));
   one.say(hello_request);
   assert_true(sent_up(&share) == hello_request);
   one.say(command);

@@ -331,7 +331,7 @@ TEST(who_hears_frames_and_no_hello_asks_for_one) {
   leadline::proto::FrameView view{};
   std::size_t used = 0;
   assert_true(buffer.decoder().feed(request.data(), request.size(), used, view));
-  assert_true(leadline::proto::is_hello_request(view.payload, view.payload_bytes));
+  assert_true(leadline::proto::decode_hello_request(view.payload, view.payload_bytes).ok());
   feed(&receiver, request);  // its echo is no hello
   assert_false(receiver.resend_request().empty());
   feed(&receiver, hello_frame(grid_hello()));

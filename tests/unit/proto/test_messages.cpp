@@ -188,16 +188,33 @@ TEST(a_hello_of_minor_0_has_no_names) {
   assert_int_equal(back.link_rate_bytes_s, 0);
 }
 
-TEST(hello_request_is_a_byte) {
-  std::uint8_t byte = 0;
-  assert_int_equal(static_cast<int>(encode_hello_request(&byte, 0).status()),
-                   static_cast<int>(BaseStatus::kFull));
-  assert_int_equal(encode_hello_request(&byte, 1).value(), 1);
-  assert_int_equal(byte, 0x41);
-  assert_true(is_hello_request(&byte, 1));
-  assert_false(is_hello_request(&byte, 0));
-  byte = 0x40;
-  assert_false(is_hello_request(&byte, 1));
+TEST(hello_request_says_the_version) {
+  std::uint8_t payload[4] = {0, 0, 0, 0xFF};
+  for (std::size_t room = 0; room < kHelloRequest_bytes; ++room) {
+    assert_int_equal(static_cast<int>(encode_hello_request(payload, room).status()),
+                     static_cast<int>(BaseStatus::kFull));
+  }
+  assert_int_equal(encode_hello_request(payload, sizeof payload).value(), kHelloRequest_bytes);
+  assert_true(Bytes(payload, payload + 3) == spec_bytes("Hello request: of 1.1"));
+  const auto status_of = [&payload](std::size_t size) {
+    return static_cast<int>(decode_hello_request(payload, size).status());
+  };
+  // A newer minor may say more.
+  for (const std::size_t size : {3U, 4U}) {
+    assert_int_equal(decode_hello_request(payload, size).value().protocol_major, 1);
+    assert_int_equal(decode_hello_request(payload, size).value().protocol_minor, 1);
+  }
+  assert_int_equal(decode_hello_request(payload, 1).value().protocol_major, 1);
+  assert_int_equal(decode_hello_request(payload, 1).value().protocol_minor, 0);
+  assert_int_equal(status_of(2), static_cast<int>(BaseStatus::kTruncated));
+  assert_int_equal(status_of(0), static_cast<int>(BaseStatus::kInvalidArgument));
+  for (const int major : {0, 2, 255}) {
+    payload[1] = static_cast<std::uint8_t>(major);
+    assert_int_equal(status_of(2), static_cast<int>(BaseStatus::kBadVersion));
+    assert_int_equal(status_of(3), static_cast<int>(BaseStatus::kBadVersion));
+  }
+  payload[0] = 0x40;
+  assert_int_equal(status_of(3), static_cast<int>(BaseStatus::kInvalidArgument));
 }
 
 TEST(text_is_as_specified) {
@@ -216,7 +233,7 @@ TEST(resend_request_is_as_specified) {
 
 TEST(schema_text_stands_in_the_specification) {
   assert_string_equal(schema_text(), spec_block("# Schema\n").c_str());
-  assert_int_equal(schema_hash(), 0x76CC6FA0);
+  assert_int_equal(schema_hash(), 0xEFF9610E);
 }
 
 TEST(largest_messages_fit_their_bounds) {
