@@ -272,6 +272,17 @@ class Emulation(Case):
 
     # ---- Usage
 
+    def test_a_frame_by_chance_is_no_device(self):
+        # A Keller bus's request (its serial number) among sentences; alone it is one.
+        request = bytes.fromhex("fa4901a1a7")
+        path = self.dir / "line.bin"
+        path.write_bytes(b"$HCHDG,129.5,,,8.7,E*29\r\n" * 20 + request + b"$PRDID,-4.44,2.12,154.25*56\r\n")
+        _, _, summaries = self.probe(f"file:{path}")
+        self.assertEqual([summary["driver"] for summary in summaries], ["nmea"])
+        path.write_bytes(request)
+        _, _, summaries = self.probe(f"file:{path}")
+        self.assertEqual([summary["driver"] for summary in summaries], ["keller"])
+
     def test_devices_and_options_that_do_not_exist(self):
         for arguments, parts in [
                 (["vectornva", "--port", "pty:"], ["did you mean vectornav?"]),
