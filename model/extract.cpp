@@ -125,9 +125,21 @@ std::int32_t evidence_end(const Voxel* voxels, std::int32_t depth_cells) {
 
 // A column of the smoothing window: place and depth relative to the middle one, noise of its depth.
 struct Neighbour {
-  std::int32_t n, e, z_q8, distance4;
+  std::int32_t e, z_q8, distance4;
   std::int32_t noise_q16;  // cells^2, 1 .. kMostNoise_q16
   bool lone;               // kColumnLone
+};
+
+// Those with a depth, row by row: what a row has in common is worked out once.
+struct Window {
+  struct Row {
+    std::int32_t n;
+    int end;  // one past its last column
+  };
+  Neighbour columns[kWindow];
+  int count;
+  Row rows[2 * kReach + 1];
+  int row_count;
 };
 
 // Of a column's depth, from the evidence in it: unit / mass within limits. Units are below 2^32 but for cells of
@@ -176,6 +188,93 @@ void discount_lone(Neighbour* window, int count) {
           min_of<std::int64_t>(window[i].noise_q16 + 4 * off_q8 * off_q8, kMostNoise_q16));
     }
   }
+}
+
+// Weights 1 / (noise + roughness d^4) Q40, scaled so that the largest takes 14 bits; returns by how many bits. Their
+// sum: below 2^29.
+int weigh(const Window& window, std::int32_t roughness_q16, std::int32_t* weights) {
+  std::uint32_t divisors[kWindow];
+  std::uint32_t least = UINT32_MAX;
+  for (int i = 0; i < window.count; ++i) {
+    const Neighbour& column = window.columns[i];
+    divisors[i] = static_cast<std::uint32_t>(column.noise_q16 + roughness_q16 * column.distance4);
+    least = min_of(least, divisors[i]);
+  }
+  const auto largest = static_cast<std::uint64_t>(reciprocal_q40(least));
+  const int shift = max_of(0, 50 - base::leading_zeros64(largest));
+  // floor(floor(2^40 / d) / 2^shift) is floor(2^(40 - shift) / d): mostly one division of 32 bits.
+  constexpr int kLeastNarrow = 9;
+  if (shift >= kLeastNarrow) {
+    const std::uint32_t one = 1U << static_cast<std::uint32_t>(40 - shift);
+    for (int i = 0; i < window.count; ++i) {
+      weights[i] = static_cast<std::int32_t>(one / divisors[i]);
+    }
+  } else {
+    for (int i = 0; i < window.count; ++i) {
+      weights[i] = static_cast<std::int32_t>(reciprocal_q40(divisors[i]) >> shift);
+    }
+  }
+  return shift;
+}
+
+PlaneSums plane_sums(const Window& window, const std::int32_t* weights) {
+  PlaneSums sums{};
+  int i = 0;
+  for (int r = 0; r < window.row_count; ++r) {
+    const Window::Row& row = window.rows[r];
+    PlaneSums own{};
+    for (; i < row.end; ++i) {
+      const Neighbour& column = window.columns[i];
+      const std::int32_t weight_e = weights[i] * column.e;
+      own.s += weights[i];
+      own.se += weight_e;
+      own.see += weight_e * column.e;
+      own.sz += static_cast<std::int64_t>(weights[i]) * column.z_q8;
+      own.sez += static_cast<std::int64_t>(weight_e) * column.z_q8;
+    }
+    sums.s += own.s;
+    sums.sn += own.s * row.n;
+    sums.se += own.se;
+    sums.snn += own.s * row.n * row.n;
+    sums.sne += own.se * row.n;
+    sums.see += own.see;
+    sums.sz += own.sz;
+    sums.snz += own.sz * row.n;
+    sums.sez += own.sez;
+  }
+  return sums;
+}
+
+// Weighted sums over a window: squares of what a plane leaves, and noise.
+struct Residuals {
+  std::int64_t squares, noise;
+};
+
+// Number: holds the plane's depths within the window, and twice that.
+template <typename Number>
+Residuals residuals_in(const Window& window, const std::int32_t* weights, const Plane& plane) {
+  Residuals sums{};
+  int i = 0;
+  for (int r = 0; r < window.row_count; ++r) {
+    const Window::Row& row = window.rows[r];
+    const Number middle = plane.centre_q8 + static_cast<Number>(plane.north_q8) * row.n;
+    for (; i < row.end; ++i) {
+      const Neighbour& column = window.columns[i];
+      const Number fit = middle + static_cast<Number>(plane.east_q8) * column.e;
+      const auto miss = static_cast<std::int32_t>(clamp<Number>(column.z_q8 - fit, -16384, 16384));
+      sums.squares += static_cast<std::int64_t>(weights[i] * miss) * miss;
+      sums.noise += static_cast<std::int64_t>(weights[i]) * column.noise_q16;
+    }
+  }
+  return sums;
+}
+
+Residuals residuals(const Window& window, const std::int32_t* weights, const Plane& plane) {
+  constexpr std::int32_t kNarrow = 1 << 26;
+  const auto narrow = [](std::int32_t value) { return value > -kNarrow && value < kNarrow; };
+  return narrow(plane.centre_q8) && narrow(plane.north_q8) && narrow(plane.east_q8)
+             ? residuals_in<std::int32_t>(window, weights, plane)
+             : residuals_in<std::int64_t>(window, weights, plane);
 }
 
 /// What a horizontal variance, in cells^2 below 2^45, does to the depth on a slope of at most 2^22. From eight cells
@@ -286,14 +385,22 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
   if (voteless && lit == 0) {
     return;
   }
-  Neighbour window[kWindow];
-  int count = 0;
+  Window window;
+  window.count = 0;
+  window.row_count = 0;
   bool any_lone = false;
   std::int32_t reference_q8 = own.raw_q8;
   const std::int64_t unit_q16 = (255 * scale_.min_variance_q12) << 4;
+  const std::int32_t first_e = max_of(-kReach, -e);
+  const std::int32_t last_e = min_of(kReach, scale_.size[1] - 1 - e);
+  std::uint32_t places[2 * kReach + 1];  // of the columns in row 0
+  for (std::int32_t j = first_e; j <= last_e; ++j) {
+    places[j + kReach] = grid_.column_index(0, e + j);
+  }
   for (std::int32_t i = max_of(-kReach, -n); i <= min_of(kReach, scale_.size[0] - 1 - n); ++i) {
-    for (std::int32_t j = max_of(-kReach, -e); j <= min_of(kReach, scale_.size[1] - 1 - e); ++j) {
-      const std::uint32_t index = grid_.column_index(n + i, e + j);
+    const std::uint32_t row_place = grid_.column_index(n + i, 0);
+    for (std::int32_t j = first_e; j <= last_e; ++j) {
+      const std::uint32_t index = row_place + places[j + kReach];
       const ColumnResult& other = results_[index];
       if (other.raw_q8 == kUnknownDepth) {
         continue;
@@ -301,70 +408,40 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
       // A column that a beam has lit without a vote of its own speaks through its neighbours.
       reference_q8 = reference_q8 == kUnknownDepth ? other.raw_q8 : reference_q8;
       const std::int32_t distance2 = i * i + j * j;
-      window[count] = Neighbour{i,
-                                j,
-                                clamp(other.raw_q8 - reference_q8, -32768, 32767),
-                                distance2 * distance2,
-                                column_noise_q16(unit_q16, other.mass),
-                                (grid_.column(index).flags & kColumnLone) != 0};
-      any_lone = any_lone || window[count].lone;
-      ++count;
+      Neighbour& column = window.columns[window.count];
+      column = Neighbour{j, clamp(other.raw_q8 - reference_q8, -32768, 32767),
+                         distance2 * distance2, column_noise_q16(unit_q16, other.mass),
+                         (grid_.column(index).flags & kColumnLone) != 0};
+      any_lone = any_lone || column.lone;
+      ++window.count;
     }
+    window.rows[window.row_count] = Window::Row{i, window.count};
+    ++window.row_count;
   }
   constexpr int kLeastNeighbours = 3;
-  if (voteless && (count < kLeastNeighbours || reference_q8 - 256 * lit > kLitReach_q8)) {
+  if (voteless && (window.count < kLeastNeighbours || reference_q8 - 256 * lit > kLitReach_q8)) {
     return;
   }
   if (any_lone) {
-    discount_lone(window, count);
+    discount_lone(window.columns, window.count);
   }
-  std::int32_t roughness_q16 = kRoughnessStart_q16;
-  for (int pass = 0;; ++pass) {
-    // Weight = 1 / (noise + roughness d^4), scaled so that the largest takes 14 bits. The sum: below 2^29.
-    std::int64_t quotients[kWindow];
-    std::int64_t largest = 0;
-    for (int i = 0; i < count; ++i) {
-      quotients[i] = reciprocal_q40(
-          static_cast<std::uint32_t>(window[i].noise_q16 + roughness_q16 * window[i].distance4));
-      largest = max_of(largest, quotients[i]);
-    }
-    const int shift = max_of(0, 50 - base::leading_zeros64(static_cast<std::uint64_t>(largest)));
-    std::int32_t weights[kWindow];
-    PlaneSums sums{};
-    for (int i = 0; i < count; ++i) {
-      weights[i] = static_cast<std::int32_t>(quotients[i] >> shift);
-      add(sums, weights[i], window[i].n, window[i].e, window[i].z_q8);
-    }
-    if (sums.s == 0) {
-      return;
-    }
-    const Plane plane = solve(sums);
-    std::int64_t residual = 0;
-    std::int64_t noise = 0;
-    for (int i = 0; i < count; ++i) {
-      const std::int64_t fit = plane.centre_q8 +
-                               static_cast<std::int64_t>(plane.north_q8) * window[i].n +
-                               static_cast<std::int64_t>(plane.east_q8) * window[i].e;
-      const auto miss =
-          static_cast<std::int32_t>(clamp<std::int64_t>(window[i].z_q8 - fit, -16384, 16384));
-      residual += static_cast<std::int64_t>(weights[i] * miss) * miss;
-      noise += static_cast<std::int64_t>(weights[i]) * window[i].noise_q16;
-    }
-    const std::int64_t residual_q16 = residual / sums.s;
-    const std::int64_t noise_q16 = noise / sums.s;
-    if (pass == 1) {
-      own.depth_q8 = clamp(reference_q8 + plane.centre_q8, 0, 256 * scale_.size[2]);
-      own.noise_q16 = static_cast<std::uint32_t>(clamp<std::int64_t>(
-          (1LL << 40) / max_of<std::int64_t>(std::int64_t{sums.s} << shift, 1), 1, 1LL << 30));
-      return;
-    }
-    // What the plane leaves beyond noise is terrain: let it narrow the window of the second pass.
-    const std::int64_t spread_q8 =
-        max_of<std::int64_t>(128, ((std::int64_t{sums.snn} + sums.see) << 8) / sums.s);
-    const std::int64_t excess_q16 = max_of<std::int64_t>(0, residual_q16 - noise_q16 / 2);
-    roughness_q16 = static_cast<std::int32_t>(clamp<std::int64_t>(
-        kRoughnessGain * (excess_q16 << 8) / spread_q8, kRoughnessLeast_q16, kRoughnessMost_q16));
-  }
+  std::int32_t weights[kWindow];
+  static_cast<void>(weigh(window, kRoughnessStart_q16, weights));
+  const PlaneSums first = plane_sums(window, weights);
+  const Residuals left = residuals(window, weights, solve(first));
+  // What the plane leaves beyond noise is terrain: let it narrow the window of the second pass.
+  const std::int64_t residual_q16 = left.squares / first.s;
+  const std::int64_t noise_q16 = left.noise / first.s;
+  const std::int64_t spread_q8 =
+      max_of<std::int64_t>(128, ((std::int64_t{first.snn} + first.see) << 8) / first.s);
+  const std::int64_t excess_q16 = max_of<std::int64_t>(0, residual_q16 - noise_q16 / 2);
+  const auto roughness_q16 = static_cast<std::int32_t>(clamp<std::int64_t>(
+      kRoughnessGain * (excess_q16 << 8) / spread_q8, kRoughnessLeast_q16, kRoughnessMost_q16));
+  const int shift = weigh(window, roughness_q16, weights);
+  const PlaneSums second = plane_sums(window, weights);
+  own.depth_q8 = clamp(reference_q8 + solve(second).centre_q8, 0, 256 * scale_.size[2]);
+  own.noise_q16 = static_cast<std::uint32_t>(clamp<std::int64_t>(
+      (1LL << 40) / max_of<std::int64_t>(std::int64_t{second.s} << shift, 1), 1, 1LL << 30));
 }
 
 // Central difference of the smoothed depths over +-2 cells, one-sided at edges and holes.
