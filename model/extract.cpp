@@ -608,11 +608,21 @@ std::uint32_t Model::assess_tile(TileId tile) {
   return static_cast<std::uint32_t>((n1 - n0) * (e1 - e0));
 }
 
-void Model::read_before_leaving(TileId tile) {
-  if (configured_ && grid_.resident(tile) &&
-      grid_.tile(tile).generation_read != grid_.tile(tile).generation) {
-    read_tile(tile);
+std::uint32_t Model::read_touched_tile(TileId tile) {
+  if (!configured_ || !grid_.resident(tile) ||
+      grid_.tile(tile).generation_read == grid_.tile(tile).generation) {
+    return 0;
   }
+  read_tile(tile);
+  return kTileCells * kTileCells;
+}
+
+std::uint32_t Model::smooth_changed_tile(TileId tile) {
+  return (grid_.tile(tile).flags & kTileUnsmoothed) != 0 ? smooth_tile(tile) : 0;
+}
+
+std::uint32_t Model::assess_changed_tile(TileId tile) {
+  return (grid_.tile(tile).flags & kTileUnassessed) != 0 ? assess_tile(tile) : 0;
 }
 
 TileWork Model::extract_tile(TileId tile) {
@@ -626,25 +636,16 @@ TileWork Model::extract_tile(TileId tile) {
   const TileSpan read = tiles_around(tile, kInfluenceTiles + 1);
   for (std::int32_t n = read.north0; n <= read.north1; ++n) {
     for (std::int32_t e = read.east0; e <= read.east1; ++e) {
-      const auto id = static_cast<TileId>(n * grid_.tiles_east() + e);
-      if (grid_.tile(id).generation_read != grid_.tile(id).generation && grid_.resident(id)) {
-        read_tile(id);
-        work.columns_read += kTileCells * kTileCells;
-      }
+      work.columns_read += read_touched_tile(static_cast<TileId>(n * grid_.tiles_east() + e));
     }
   }
   const TileSpan smooth = tiles_around(tile, kInfluenceTiles);
   for (std::int32_t n = smooth.north0; n <= smooth.north1; ++n) {
     for (std::int32_t e = smooth.east0; e <= smooth.east1; ++e) {
-      const auto id = static_cast<TileId>(n * grid_.tiles_east() + e);
-      if ((grid_.tile(id).flags & kTileUnsmoothed) != 0) {
-        work.columns_smoothed += smooth_tile(id);
-      }
+      work.columns_smoothed += smooth_changed_tile(static_cast<TileId>(n * grid_.tiles_east() + e));
     }
   }
-  if ((grid_.tile(tile).flags & kTileUnassessed) != 0) {
-    work.columns_assessed += assess_tile(tile);
-  }
+  work.columns_assessed += assess_changed_tile(tile);
   return work;
 }
 

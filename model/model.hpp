@@ -172,11 +172,16 @@ class Model {
   /// once, whoever asks first. Bound: 81 tiles read, 49 smoothed, 1 assessed (the whole grid, once, when the
   /// last extract() used another method). Nothing before configure().
   /// Tiles of a windowed grid that are not in memory are not read: what was last read of them counts, and is all
-  /// that there is if they left with read_before_leaving().
+  /// that there is if they left with read_touched_tile().
   TileWork extract_tile(TileId tile);
-  /// Reads the columns of a tile that was touched since: smoothing, sigma and the link then do without its voxels.
-  /// O(tile).
-  void read_before_leaving(TileId tile);
+  /// extract_tile() in steps, for whoever spreads it over time: the tiles that were touched are read, then the
+  /// tiles are smoothed, all that are out of date, then those that are wanted assessed. What was smoothed belongs to
+  /// the voxels as they were when read. Nothing is done where nothing changed; results are the columns worked on, at
+  /// most a tile's. O(tile). Only with kRobustMoment in the last extract(), if any.
+  /// The first also before a tile's voxels leave: the other two, and the link, do without them.
+  std::uint32_t read_touched_tile(TileId tile);
+  std::uint32_t smooth_changed_tile(TileId tile);
+  std::uint32_t assess_changed_tile(TileId tile);
   /// A ping that touches a tile can change results at most this many tiles away (in north and in east):
   /// sigma looks 34 cells far, smoothing 3.
   static constexpr std::int32_t kInfluenceTiles = 3;

@@ -67,7 +67,7 @@ measure() {
 cycles() {
   local name path
   "$root/build/release/tests/cycle_jobs" "$out" >"$out/cycle_jobs.txt"
-  for name in ping1d fan16 ping1d-1 fan16-1; do
+  for name in ping1d fan16 ping1d-pass fan16-pass; do
     path="$out/$name.lll"
     m7_run "$root/build/cortex-m7/firmware/leadline-m7-replay.elf" "arg=replay,arg=${path//,/,,}" >"$out/$name.cycles" ||
       die "the board does not replay $path: $(cat "$out/$name.cycles")"

@@ -69,6 +69,7 @@ void add_survey(const BlockFile& file, EntryList* list) {
   list->integer("ping_voxel_budget", model.work_budget_voxels);
   list->integer("voxel_budget", config.cycle_voxel_budget);
   list->integer("tile_budget", config.cycle_tile_budget);
+  list->scaled("extract_interval_s", config.extract_interval_us, 1e6);
 }
 
 void add_navigation(const firmware::VehicleConfig& config, EntryList* list) {

@@ -45,7 +45,9 @@ std::vector<KnownTable> known_tables() {
       {"navigation", navigation, false},
       {"model", model_keys(), false},
       {"frame", frame_keys(), false},
-      {"cycle", {"period_ms", "voxel_budget", "tile_budget", "ping_voxel_budget"}, false},
+      {"cycle",
+       {"period_ms", "voxel_budget", "tile_budget", "extract_interval_s", "ping_voxel_budget"},
+       false},
       {"sound_speed", {"depth_m", "speed_m_s"}, true},
       {"mount", {"name", "lever_arm_mm", "boresight_deg", "table"}, true},
       {"port", port_keys(), true},
@@ -236,6 +238,7 @@ void read_cycle(TomlReader* reader, VehicleFile* file) {
   file->voxel_budget_given = section.has("voxel_budget");
   read_whole(section, "voxel_budget", {0, kMostBudget_voxels}, &file->config.cycle_voxel_budget);
   read_whole(section, "tile_budget", {1, 4096}, &file->config.cycle_tile_budget);
+  read_scaled(section, "extract_interval_s", {0, 60}, 1e6, &file->config.extract_interval_us);
   read_whole(section, "ping_voxel_budget", {0, kMostBudget_voxels}, &file->ping_voxel_budget);
 }
 
@@ -519,6 +522,7 @@ void add_model(const VehicleFile& file, EntryList* list) {
   list->scaled("period_ms", file.cycle_us, 1e3);
   list->integer("voxel_budget", file.config.cycle_voxel_budget);
   list->integer("tile_budget", file.config.cycle_tile_budget);
+  list->scaled("extract_interval_s", file.config.extract_interval_us, 1e6);
   list->integer("ping_voxel_budget", file.ping_voxel_budget);
 }
 

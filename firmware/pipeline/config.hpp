@@ -157,7 +157,7 @@ struct VehicleConfig {
   std::int32_t sound_speed_mm_s;
   /// Voxels written per cycle; 0 = none but what the queue of pings holds (Vehicle::cycle_bound_voxels).
   std::uint32_t cycle_voxel_budget;
-  std::uint32_t cycle_tile_budget;  ///< tiles extracted per cycle
+  std::uint32_t cycle_tile_budget;  ///< tiles extracted per cycle, or their columns' worth
   PortConfig ports[kMaxPorts];
   MountConfig mounts[kMaxMounts];
   NavigationConfig navigation;
@@ -169,6 +169,9 @@ struct VehicleConfig {
   /// From schema version 2 on, as is model.resident_tiles. 1: a store holds the map's pages (tile_pager.hpp),
   /// and answers on kStorePort.
   std::uint16_t has_store;
+  /// From schema version 2 on, and in a blob only where it is not 0: passes of extraction begin this far apart
+  /// (extraction_pass.hpp); 0: no passes, the dirtiest tiles each cycle.
+  std::uint32_t extract_interval_us;
   char survey_name[kMaxConfigText_bytes];
   char vertical_datum[kMaxConfigText_bytes];  ///< what depth 0 means; informative
 };

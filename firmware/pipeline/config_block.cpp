@@ -95,7 +95,7 @@ std::size_t config_block_bytes(const ConfigBlock& block) {
   if (block.table_count > kMaxTables) {
     return 0;
   }
-  std::size_t size_bytes = kConfigBlockHeader_bytes + padded(config_blob_bytes());
+  std::size_t size_bytes = kConfigBlockHeader_bytes + padded(config_blob_bytes(block.config));
   for (std::size_t i = 0; i < block.table_count; ++i) {
     size_bytes += padded(block.tables[i].size_bytes);
   }
@@ -113,7 +113,7 @@ Result<std::size_t> encode_config_block(const ConfigBlock& block, std::uint8_t* 
   }
   std::memset(out, 0, size_bytes);
   const Result<std::size_t> blob_bytes =
-      encode_config(block.config, out + kConfigBlockHeader_bytes, config_blob_bytes());
+      encode_config(block.config, out + kConfigBlockHeader_bytes, config_blob_bytes(block.config));
   if (!blob_bytes.ok()) {
     return blob_bytes.status();
   }

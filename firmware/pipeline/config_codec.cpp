@@ -197,11 +197,30 @@ void walk_version(Visit& visit, VehicleConfig& config, std::uint16_t version) {
   }
 }
 
-std::size_t blob_bytes(std::uint16_t version) {
+// What stands behind version 2 where it is not 0: without it a blob has the bytes, and the checksum, that it had
+// before there was such a thing.
+template <typename Visit>
+void walk_optional(Visit& visit, VehicleConfig& config) {
+  visit(config.extract_interval_us);
+}
+
+bool has_optional(const VehicleConfig& config, std::uint16_t version) {
+  return version >= 2 && config.extract_interval_us != 0;
+}
+
+std::size_t blob_bytes(std::uint16_t version, bool optional) {
   Counter counter;
   VehicleConfig config{};
   walk_version(counter, config, version);
+  if (optional) {
+    walk_optional(counter, config);
+  }
   return kHeader_bytes + counter.size;
+}
+
+// As the configuration was read: an old flight that is replayed says the same checksum of it.
+std::uint16_t blob_version(const VehicleConfig& config) {
+  return base::clamp<std::uint16_t>(config.schema_version, 1, kVehicleConfigSchemaVersion);
 }
 
 bool known_enumerators(const VehicleConfig& config) {
@@ -219,20 +238,24 @@ bool known_enumerators(const VehicleConfig& config) {
 
 }  // namespace
 
-std::size_t config_blob_bytes() { return blob_bytes(kVehicleConfigSchemaVersion); }
+std::size_t config_blob_bytes(const VehicleConfig& config) {
+  const std::uint16_t version = blob_version(config);
+  return blob_bytes(version, has_optional(config, version));
+}
 
 Result<std::size_t> encode_config(const VehicleConfig& config, std::uint8_t* out,
                                   std::size_t capacity_bytes) {
-  // As the configuration was read: an old flight that is replayed says the same checksum of it.
-  std::uint16_t version =
-      base::clamp<std::uint16_t>(config.schema_version, 1, kVehicleConfigSchemaVersion);
-  const std::size_t size = blob_bytes(version);
+  std::uint16_t version = blob_version(config);
+  const std::size_t size = config_blob_bytes(config);
   if (capacity_bytes < size) {
     return Status::kFull;
   }
   VehicleConfig copy = config;  // walk() serves reading as well, so it takes no const
   Writer body{out + kHeader_bytes};
   walk_version(body, copy, version);
+  if (has_optional(config, version)) {
+    walk_optional(body, copy);
+  }
   std::uint32_t magic = kMagic;
   std::uint16_t reserved = 0;
   auto size_bytes = static_cast<std::uint32_t>(size);
@@ -270,7 +293,8 @@ Result<VehicleConfig> decode_config(const std::uint8_t* blob, std::size_t size_b
   if (size_bytes < stated_bytes) {
     return Status::kTruncated;
   }
-  if (size_bytes != stated_bytes || stated_bytes != blob_bytes(version)) {
+  const bool optional = version >= 2 && stated_bytes == blob_bytes(version, true);
+  if (size_bytes != stated_bytes || stated_bytes != blob_bytes(version, optional)) {
     return Status::kInvalidArgument;
   }
   if (base::crc32c(blob + kHeader_bytes, size_bytes - kHeader_bytes) != crc) {
@@ -279,7 +303,11 @@ Result<VehicleConfig> decode_config(const std::uint8_t* blob, std::size_t size_b
   VehicleConfig config{};
   Reader body{blob + kHeader_bytes};
   walk_version(body, config, version);
-  if (config.schema_version != version || !known_enumerators(config)) {
+  if (optional) {
+    walk_optional(body, config);
+  }
+  if (config.schema_version != version || !known_enumerators(config) ||
+      optional != has_optional(config, version)) {
     return Status::kOutOfRange;
   }
   return config;

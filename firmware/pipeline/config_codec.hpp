@@ -10,9 +10,9 @@
 
 namespace leadline::firmware {
 
-/// Size of the blob of a configuration of this version; older ones are shorter.
-[[nodiscard]] std::size_t config_blob_bytes();
-/// At least config_blob_bytes(), for buffers.
+/// Size of the blob of a configuration: that of its version, and what it has beyond.
+[[nodiscard]] std::size_t config_blob_bytes(const VehicleConfig& config);
+/// At least config_blob_bytes() of any, for buffers.
 inline constexpr std::size_t kMaxConfigBlob_bytes = 3072;
 
 /// Bytes written; kFull when `capacity_bytes` is too small, nothing written. Values are not checked:
@@ -24,7 +24,7 @@ inline constexpr std::size_t kMaxConfigBlob_bytes = 3072;
 /// * kTruncated: shorter than it says; kInvalidArgument: not such a blob, or longer than it says
 /// Blobs of version 1 as well, which come back as such with what they lack at 0.
 /// * kBadVersion: a newer version; kBadChecksum: bytes changed
-/// * kOutOfRange: an enumerator that this program does not know
+/// * kOutOfRange: an enumerator that this program does not know, or an optional field of 0
 [[nodiscard]] base::Result<VehicleConfig> decode_config(const std::uint8_t* blob,
                                                         std::size_t size_bytes);
 

@@ -41,7 +41,7 @@ struct StoreOutput {
   std::size_t records_bytes;
   bool load;
   model::TileId load_tile;
-  /// A tile that is to leave, and whose depths are not up to date: to be read now (Model::read_before_leaving).
+  /// A tile that is to leave, and whose depths are not up to date: to be read now (Model::read_touched_tile).
   bool read;
   model::TileId read_tile;
 };

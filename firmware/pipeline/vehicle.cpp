@@ -163,6 +163,7 @@ Status Vehicle::check(const VehicleConfig& config, std::size_t table_count) {
   }
   if (config.port_count > kMaxPorts || config.mount_count > kMaxMounts || config.table_count < 1 ||
       config.table_count > kMaxTables || config.cycle_tile_budget < 1 ||
+      config.extract_interval_us > kLongestTileAge_us ||
       !within(config.sound_speed_mm_s, kSlowestSound_mm_s, kFastestSound_mm_s) ||
       (config.has_store != 0 && config.model.resident_tiles == 0) || !tide_sound(config.water) ||
       !link_sound(config.link) || config.navigation.max_wait_us < 0) {
@@ -276,6 +277,8 @@ void Vehicle::reset_map_state() {
   const TileId tile_count = model_.grid().tile_count();
   stale_.reset(tile_count);
   unsent_.reset(tile_count);
+  pass_.reset();
+  pass_due_us_ = -estimator::kMaxTime_us;  // at once
   link_map_.reset(tile_count);
   ledger_.reset(first_patience_us());
   looked_at_ = LookedAt{};
@@ -346,7 +349,11 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   navigator_.tick(now_us_);
   map_pings();
   note_touched_tiles();
-  extract_tiles();
+  if (config_.extract_interval_us == 0) {
+    extract_tiles();
+  } else {
+    extract_in_passes();
+  }
   update_alarms();
   frame_waits_ = false;
   settle_lost_frames();
@@ -889,7 +896,7 @@ void Vehicle::page_tiles(StoreOutput& output) {
   }
   pager_.cycle(situation, grid, output);
   if (output.read) {
-    model_.read_before_leaving(output.read_tile);
+    model_.read_touched_tile(output.read_tile);
   }
 }
 
@@ -920,9 +927,12 @@ void Vehicle::note_touched_tiles() {
   }
 }
 
+std::uint64_t Vehicle::extract_budget_columns() const {
+  return static_cast<std::uint64_t>(config_.cycle_tile_budget) * kColumnsPerTile;
+}
+
 void Vehicle::extract_tiles() {
-  const std::uint64_t budget =
-      static_cast<std::uint64_t>(config_.cycle_tile_budget) * kColumnsPerTile;
+  const std::uint64_t budget = extract_budget_columns();
   std::uint64_t columns = 0;
   TileId tile = 0;
   for (std::uint32_t done = 0; done < config_.cycle_tile_budget && columns < budget; ++done) {
@@ -934,6 +944,26 @@ void Vehicle::extract_tiles() {
     columns += work.columns_read + work.columns_smoothed + work.columns_assessed;
     ++counters_.tiles_extracted;
     compare_tile(tile);
+  }
+}
+
+void Vehicle::extract_in_passes() {
+  if (pass_.size() == 0) {
+    if (stale_.size() == 0 || link_us_ < pass_due_us_) {
+      return;
+    }
+    pass_.begin(stale_);
+    pass_due_us_ = link_us_ + config_.extract_interval_us;
+  }
+  const std::uint64_t budget = extract_budget_columns();
+  std::uint64_t columns = 0;
+  while (pass_.size() > 0 && columns < budget) {
+    const ExtractionPass::Step step = pass_.step(model_);
+    columns += step.columns;
+    if (step.finished) {
+      ++counters_.tiles_extracted;
+      compare_tile(step.tile);
+    }
   }
 }
 
@@ -951,7 +981,7 @@ void Vehicle::compare_tile(TileId tile) {
 
 void Vehicle::count_levels() {
   counters_.pings_pending = static_cast<std::uint32_t>(pending_.size());
-  counters_.tiles_stale = static_cast<std::uint32_t>(stale_.size());
+  counters_.tiles_stale = static_cast<std::uint32_t>(stale_.size() + pass_.size());
   counters_.tiles_unsent = static_cast<std::uint32_t>(unsent_.size());
   counters_.autopilot_frames = autopilot_.frames();
   counters_.downlink_bytes = downlink_.total_bytes();

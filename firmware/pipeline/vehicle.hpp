@@ -18,6 +18,7 @@
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
 #include "firmware/pipeline/downlink.hpp"
+#include "firmware/pipeline/extraction_pass.hpp"
 #include "firmware/pipeline/host_report.hpp"
 #include "firmware/pipeline/link_ledger.hpp"
 #include "firmware/pipeline/link_map.hpp"
@@ -205,7 +206,7 @@ class Vehicle {
   /// No cycle writes more voxels: the budget, or one ping's bound where that is larger; without a budget the
   /// bound of as many pings as the queue holds. Saturates. O(1).
   [[nodiscard]] std::uint32_t cycle_bound_voxels() const;
-  /// For the host: full extraction after a replay. What the vehicle does next stays the same.
+  /// For the host: full extraction after a replay. What the vehicle maps next stays the same.
   [[nodiscard]] model::Model& model() { return model_; }
 
   /// 64-bit FNV-1a over all voxels (Grid::map_hash): O(grid).
@@ -222,7 +223,7 @@ class Vehicle {
   /// Nothing left to do without new input: no ping pending, no tile stale or unsent, and nothing that a
   /// topside which reports has not confirmed. Cycles without input lead here.
   [[nodiscard]] bool drained() const {
-    return pending_.empty() && stale_.size() == 0 && unsent_.size() == 0 &&
+    return pending_.empty() && stale_.size() == 0 && pass_.size() == 0 && unsent_.size() == 0 &&
            !(ledger_.heard() && ledger_.under_way_frames() > 0);
   }
   [[nodiscard]] const LinkLedger& ledger() const { return ledger_; }
@@ -359,6 +360,8 @@ class Vehicle {
   [[nodiscard]] proto::Swath swath_now() const;
   void note_touched_tiles();
   void extract_tiles();
+  void extract_in_passes();
+  [[nodiscard]] std::uint64_t extract_budget_columns() const;
   void compare_tile(model::TileId tile);
   void send_hello();
   void answer_hello_request();
@@ -430,6 +433,8 @@ class Vehicle {
   estimator::PingSync ping_sync_[kMaxMounts];
   TileSet stale_;
   TileSet unsent_;
+  ExtractionPass pass_;
+  base::TimeUs pass_due_us_ = 0;  ///< of link_us_: when the next may begin
   LinkMap link_map_;
   LinkLedger ledger_;
   std::array<FrameTile, proto::kMaxPacketTiles> frame_tiles_{};  ///< of the frame being filled

@@ -575,7 +575,7 @@ void Vehicle::fill_status(proto::Status& status) const {
       navigation.gated + navigation.unusable + navigation.out_of_range + navigation.stale;
 
   status.tiles_known = link_map_.known_tiles();
-  status.tiles_dirty = static_cast<std::uint32_t>(stale_.size() + unsent_.size());
+  status.tiles_dirty = static_cast<std::uint32_t>(stale_.size() + pass_.size() + unsent_.size());
   status.cells_sent = low32(counters_.cells_sent);
   status.link_bytes = low32(downlink_.total_bytes());
   status.queued_bytes = static_cast<std::uint32_t>(downlink_.size_bytes());

@@ -4,7 +4,7 @@
 //
 //   ping1d   a Ping1D at 20 Hz, 25 degrees wide
 //   fan16    16 beams of 3 degrees over 60 degrees at 10 Hz
-//   *-1      the same with a tile budget of 1
+//   *-pass   the same, extracted in passes 1.5 s apart with a tile budget of 2
 //
 // Both over a bottom in 25 m, ranges to 30 m, 128 x 128 x 128 cells of 0.25 m, cycles of 50 ms; budgets as
 // firmware/vehicle.example.toml has them. Everything by the heads' and sensors' own bytes.
@@ -39,6 +39,7 @@ struct Flight {
   int fan_beams;
   double half_angle_deg;
   std::uint32_t tile_budget;
+  std::uint32_t extract_interval_us;
 };
 
 firmware::VehicleConfig config_of(const Flight& flight) {
@@ -55,6 +56,7 @@ firmware::VehicleConfig config_of(const Flight& flight) {
   sonar.max_range_um = 30'000'000;
   sonar.ping_interval_us = 50'000;
   config.cycle_tile_budget = flight.tile_budget;
+  config.extract_interval_us = flight.extract_interval_us;
   config.link.rate_bytes_s = 12'000;
   config.link.mtu_bytes = 1'200;
   return config;
@@ -130,8 +132,9 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
-    for (const Flight& flight : {Flight{"ping1d", 0, 12.5, 16}, Flight{"fan16", 16, 1.5, 16},
-                                 Flight{"ping1d-1", 0, 12.5, 1}, Flight{"fan16-1", 16, 1.5, 1}}) {
+    for (const Flight& flight : {Flight{"ping1d", 0, 12.5, 16, 0}, Flight{"fan16", 16, 1.5, 16, 0},
+                                 Flight{"ping1d-pass", 0, 12.5, 2, 1'500'000},
+                                 Flight{"fan16-pass", 16, 1.5, 2, 1'500'000}}) {
       write(flight, argv[1]);
     }
   } catch (const std::exception& error) {

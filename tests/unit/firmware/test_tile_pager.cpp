@@ -206,7 +206,7 @@ void one_cycle(const PagerSituation& situation, SlowStore* store) {
   StoreOutput output{};
   pager.cycle(situation, windowed.grid(), output);
   if (output.read) {
-    windowed.read_before_leaving(output.read_tile);
+    windowed.read_touched_tile(output.read_tile);
   }
   store->ask(output, kDepth);
   store->answer(&windowed.grid());
