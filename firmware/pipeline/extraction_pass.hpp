@@ -33,6 +33,10 @@ class ExtractionPass {
   void begin(TileSet& waiting);
   /// Tiles of the pass whose results are still to come; 0: none is under way. O(1).
   [[nodiscard]] std::size_t size() const { return size_; }
+  /// The tile's depths may be newer than their sigmas: nothing to be told to anyone. O(1).
+  [[nodiscard]] bool half_done(model::TileId tile) const {
+    return stage_ != Stage::kRead && due_[tile];
+  }
   /// Goes on to the next work, while size() > 0. O(tiles + columns of a tile).
   [[nodiscard]] Step step(model::Model& model);
 

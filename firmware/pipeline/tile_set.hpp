@@ -16,6 +16,8 @@ namespace leadline::firmware {
 class TileSet {
  public:
   static constexpr std::uint32_t kMaxWeight = 255;
+  /// What a favour says of a tile that stays.
+  static constexpr std::uint32_t kNotNow = UINT32_MAX;
 
   TileSet() = default;
   TileSet(const TileSet&) = delete;
@@ -33,7 +35,7 @@ class TileSet {
   /// many cycles. False when there is none. O(size).
   [[nodiscard]] bool best_due(std::uint32_t cycle, std::uint32_t weight, std::uint32_t age,
                               model::TileId& tile) const;
-  /// The same with `favour(tile)`, 0 .. kMaxWeight, on top of the rank.
+  /// The same with `favour(tile)`, 0 .. kMaxWeight, on top of the rank, or kNotNow.
   template <typename Favour>
   [[nodiscard]] bool best_due(std::uint32_t cycle, std::uint32_t weight, std::uint32_t age,
                               const Favour& favour, model::TileId& tile) const {
@@ -45,7 +47,11 @@ class TileSet {
       if (member.weight < weight && waited < age) {
         continue;
       }
-      const std::uint32_t rank = member.weight + waited + favour(member.tile);
+      const std::uint32_t favoured = favour(member.tile);
+      if (favoured == kNotNow) {
+        continue;
+      }
+      const std::uint32_t rank = member.weight + waited + favoured;
       if (!found || rank > highest || (rank == highest && member.tile < tile)) {
         found = true;
         highest = rank;

@@ -381,8 +381,11 @@ bool Vehicle::line_is_busy() const {
   return downlink_.backlog_bytes() > one_and_a_half;
 }
 
-// What is near the vehicle, or looked at, goes first.
+// What is near the vehicle, or looked at, goes first; a tile of which a pass is half done stays.
 std::uint32_t Vehicle::favour(TileId tile) const {
+  if (pass_.half_done(tile)) {
+    return TileSet::kNotNow;
+  }
   const std::int32_t tiles_east = model_.grid().tiles_east();
   const auto row = static_cast<std::int32_t>(tile) / tiles_east;
   const auto column = static_cast<std::int32_t>(tile) % tiles_east;

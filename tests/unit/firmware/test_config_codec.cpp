@@ -35,10 +35,11 @@ TEST(every_byte_of_a_blob_comes_back) {
   // Random bodies with legal enumerators: decoded and encoded again they are the same bytes, so every field
   // is read from where it is written, at its full width.
   Random random(1);
-  assert_true(config_blob_bytes() <= kMaxConfigBlob_bytes);
-  const VehicleConfig base = leadline::test::rig_config();
+  VehicleConfig base = leadline::test::rig_config();
+  base.extract_interval_us = 0x01010101;  // no byte makes it 0
   std::vector<std::uint8_t> blob = blob_of(base);
-  assert_int_equal(blob.size(), config_blob_bytes());
+  assert_int_equal(blob.size(), config_blob_bytes(base));
+  assert_true(blob.size() <= kMaxConfigBlob_bytes);
   int decoded_count = 0;
   for (int i = 0; i < 20'000; ++i) {
     std::vector<std::uint8_t> trial = blob;
@@ -75,6 +76,28 @@ TEST(values_come_back) {
   assert_int_equal(back.survey_id, config.survey_id);
   assert_int_equal(back.link.mtu_bytes, config.link.mtu_bytes);
   assert_int_equal(static_cast<int>(back.model.rule), static_cast<int>(config.model.rule));
+}
+
+TEST(an_interval_of_extraction_is_in_the_blob_only_where_there_is_one) {
+  VehicleConfig config = leadline::test::rig_config();
+  const std::vector<std::uint8_t> without = blob_of(config);
+  config.extract_interval_us = 1'500'000;
+  std::vector<std::uint8_t> blob = blob_of(config);
+  assert_int_equal(blob.size(), without.size() + 4);
+  assert_int_equal(config_blob_bytes(config), blob.size());
+  assert_memory_equal(blob.data() + 16, without.data() + 16, without.size() - 16);
+  assert_int_equal(decode_config(without.data(), without.size()).value().extract_interval_us, 0);
+  assert_int_equal(decode_config(blob.data(), blob.size()).value().extract_interval_us, 1'500'000);
+  // One form for each configuration: 0 is not written.
+  for (std::size_t i = without.size(); i < blob.size(); ++i) {
+    blob[i] = 0;
+  }
+  put_crc(blob);
+  assert_int_equal(decode_config(blob.data(), blob.size()).status(), Status::kOutOfRange);
+  // And none in version 1.
+  config.schema_version = 1;
+  const std::vector<std::uint8_t> old = blob_of(config);
+  assert_int_equal(decode_config(old.data(), old.size()).value().extract_interval_us, 0);
 }
 
 TEST(a_blob_of_version_1_reads_with_what_it_lacks_at_zero) {

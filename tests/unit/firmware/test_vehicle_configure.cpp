@@ -73,6 +73,7 @@ TEST(values_out_of_range_are_refused) {
   assert_true(out_of_range([](VehicleConfig& c) { c.table_count = 0; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.table_count = 9; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.cycle_tile_budget = 0; }));
+  assert_true(out_of_range([](VehicleConfig& c) { c.extract_interval_us = 60'000'001; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.sound_speed_mm_s = 0; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.link.rate_bytes_s = 0; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.link.mtu_bytes = 63; }));

@@ -67,6 +67,7 @@ TEST(the_smallest_file_gets_the_documented_defaults) {
   assert_int_equal(config.ports[0].max_returns, 1);
   assert_int_equal(config.ports[0].quality_weight_percent, 0);
   assert_int_equal(config.cycle_tile_budget, 16);
+  assert_int_equal(config.extract_interval_us, 0);
   assert_int_equal(config.ports[0].driver, Driver::kPing1d);
   assert_int_equal(config.ports[0].mount, 0);
   assert_int_equal(config.ports[0].ping_interval_us, 100'000);
@@ -179,6 +180,7 @@ TEST(every_key_is_read) {
           "max_wait_ms = 0.5\n[model]\nrule = \"weighted_mean\"\nk_p = 1\n"
           "[frame]\nlat = 59.9\nlon = 350\nepsg = 32632\nvertical_datum = \"MSL\"\n"
           "[cycle]\nperiod_ms = 12.5\nvoxel_budget = 500000\ntile_budget = 7\n"
+          "extract_interval_s = 1.5\n"
           "ping_voxel_budget = 900000\n"
           "[[mount]]\nname = \"a\"\ntable = \"beam.llt\"\nlever_arm_mm = [1, -2, 3]\n"
           "[[mount]]\nname = \"b\"\ntable = \"beam.llt\"\nboresight_deg = [10, -90, 180]\n"
@@ -205,6 +207,7 @@ TEST(every_key_is_read) {
   assert_int_equal(config.sound_speed_mm_s, 1'480'000);
   assert_int_equal(config.cycle_voxel_budget, 500'000);
   assert_int_equal(config.cycle_tile_budget, 7);
+  assert_int_equal(config.extract_interval_us, 1'500'000);
   assert_int_equal(file.cycle_us, 12'500);
   assert_int_equal(config.epsg, 32632);
   const auto& navigation = config.navigation;
@@ -444,6 +447,7 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
       {cycle + "period_ms = 0\n", "[cycle] period_ms = 0: has to be 1 to 1000"},
       {cycle + "voxel_budget = -1\n", "[cycle] voxel_budget = -1: has to be"},
       {cycle + "tile_budget = 0\n", "[cycle] tile_budget = 0: has to be 1 to 4096"},
+      {cycle + "extract_interval_s = 61\n", "[cycle] extract_interval_s = 61: has to be 0 to 60"},
       {cycle + "ping_voxel_budget = 1.5\n", "ping_voxel_budget = 1.5: has to be a whole number"},
       {kGrid + rest, "a table [[mount]] is missing"},
       {kGrid + "[mount]\nname = \"a\"\n" + rest, "v.toml:5: mount: has to be a table: [[mount]]"},
