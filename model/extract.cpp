@@ -152,17 +152,35 @@ std::int32_t column_noise_q16(std::int64_t unit_q16, std::uint32_t mass) {
 
 std::int32_t distance(std::int32_t a, std::int32_t b) { return a < b ? b - a : a - b; }
 
-// By insertion: O(count^2), count <= kWindow.
-std::int32_t median(const std::int32_t* values, int count) {
-  std::int32_t sorted[kWindow];
-  for (int i = 0; i < count; ++i) {
-    int at = i;
-    for (; at > 0 && sorted[at - 1] > values[i]; --at) {
-      sorted[at] = sorted[at - 1];
+// Of values[0 .. count - 1], which it puts into another order: by partition about what stands in the middle, which
+// leaves less each time. Mostly O(count), at most O(count^2).
+std::int32_t median(std::int32_t* values, int count) {
+  const int middle = count / 2;
+  int first = 0;
+  int last = count - 1;
+  while (first < last) {
+    const std::int32_t pivot = values[middle];
+    int i = first;
+    int j = last;
+    while (i <= j) {
+      while (values[i] < pivot) {
+        ++i;
+      }
+      while (pivot < values[j]) {
+        --j;
+      }
+      if (i <= j) {
+        const std::int32_t value = values[i];
+        values[i] = values[j];
+        values[j] = value;
+        ++i;
+        --j;
+      }
     }
-    sorted[at] = values[i];
+    first = j < middle ? i : first;
+    last = middle < i ? j : last;
   }
-  return sorted[count / 2];
+  return values[middle];
 }
 
 // What one ping alone says far from what the neighbourhood says is taken for noise as large as that
@@ -173,10 +191,28 @@ void discount_lone(Neighbour* window, int count) {
     return;
   }
   std::int32_t values[kWindow];
+  std::int32_t least = INT32_MAX;
+  std::int32_t most = INT32_MIN;
+  std::int32_t least_lone = INT32_MAX;
+  std::int32_t most_lone = INT32_MIN;
   for (int i = 0; i < count; ++i) {
-    values[i] = window[i].z_q8;
+    const std::int32_t z_q8 = window[i].z_q8;
+    values[i] = z_q8;
+    least = min_of(least, z_q8);
+    most = max_of(most, z_q8);
+    if (window[i].lone) {
+      least_lone = min_of(least_lone, z_q8);
+      most_lone = max_of(most_lone, z_q8);
+    }
+  }
+  if (most_lone - least <= 4 * kLeastSpread_q8 && most - least_lone <= 4 * kLeastSpread_q8) {
+    return;  // wherever the middle is, none is far from it
   }
   const std::int32_t middle_q8 = median(values, count);
+  if (most_lone - middle_q8 <= 4 * kLeastSpread_q8 &&
+      middle_q8 - least_lone <= 4 * kLeastSpread_q8) {
+    return;
+  }
   for (int i = 0; i < count; ++i) {
     values[i] = distance(window[i].z_q8, middle_q8);
   }
@@ -446,11 +482,24 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
 
 // Central difference of the smoothed depths over +-2 cells, one-sided at edges and holes.
 Slope Model::result_slope(std::int32_t n, std::int32_t e) const {
+  constexpr std::int32_t kStep = 2;
+  if (n >= kStep && e >= kStep && n < scale_.size[0] - kStep && e < scale_.size[1] - kStep) {
+    // Nearly all: nothing is missing.
+    const std::int32_t north0_q8 = results_[grid_.column_index(n - kStep, e)].depth_q8;
+    const std::int32_t north1_q8 = results_[grid_.column_index(n + kStep, e)].depth_q8;
+    const std::int32_t east0_q8 = results_[grid_.column_index(n, e - kStep)].depth_q8;
+    const std::int32_t east1_q8 = results_[grid_.column_index(n, e + kStep)].depth_q8;
+    if (north0_q8 != kUnknownDepth && north1_q8 != kUnknownDepth && east0_q8 != kUnknownDepth &&
+        east1_q8 != kUnknownDepth) {
+      return Slope{((north1_q8 - north0_q8) * 16) / (2 * kStep),
+                   ((east1_q8 - east0_q8) * 16) / (2 * kStep)};
+    }
+  }
   const auto derivative = [this, n, e](int axis) -> std::int32_t {
     std::int32_t span = 0;
     std::int32_t ends_q8[2] = {0, 0};
     for (int side = 0; side < 2; ++side) {
-      for (std::int32_t step = 2; step >= 0; --step) {
+      for (std::int32_t step = kStep; step >= 0; --step) {
         const std::int32_t offset = side == 0 ? -step : step;
         const std::int32_t nn = axis == 0 ? n + offset : n;
         const std::int32_t ee = axis == 1 ? e + offset : e;

@@ -4,7 +4,7 @@
 //
 //   ping1d   a Ping1D at 20 Hz, 25 degrees wide
 //   fan16    16 beams of 3 degrees over 60 degrees at 10 Hz
-//   *-pass   the same, extracted in passes 1.5 s apart with a tile budget of 2
+//   *-pass   the same, extracted in passes 1.5 s apart with a tile budget of 1
 //
 // Both over a bottom in 25 m, ranges to 30 m, 128 x 128 x 128 cells of 0.25 m, cycles of 50 ms; budgets as
 // firmware/vehicle.example.toml has them. Everything by the heads' and sensors' own bytes.
@@ -133,8 +133,8 @@ int main(int argc, char** argv) {
   }
   try {
     for (const Flight& flight : {Flight{"ping1d", 0, 12.5, 16, 0}, Flight{"fan16", 16, 1.5, 16, 0},
-                                 Flight{"ping1d-pass", 0, 12.5, 2, 1'500'000},
-                                 Flight{"fan16-pass", 16, 1.5, 2, 1'500'000}}) {
+                                 Flight{"ping1d-pass", 0, 12.5, 1, 1'500'000},
+                                 Flight{"fan16-pass", 16, 1.5, 1, 1'500'000}}) {
       write(flight, argv[1]);
     }
   } catch (const std::exception& error) {
