@@ -278,6 +278,8 @@ PlaneSums plane_sums(const Window& window, const std::int32_t* weights) {
     sums.snz += own.sz * row.n;
     sums.sez += own.sez;
   }
+  // No window is empty, and some weight in it takes 14 bits; who reads the function alone cannot know.
+  sums.s = max_of(sums.s, 1);
   return sums;
 }
 
@@ -311,6 +313,21 @@ Residuals residuals(const Window& window, const std::int32_t* weights, const Pla
   return narrow(plane.centre_q8) && narrow(plane.north_q8) && narrow(plane.east_q8)
              ? residuals_in<std::int32_t>(window, weights, plane)
              : residuals_in<std::int64_t>(window, weights, plane);
+}
+
+// Slope of a result: from columns so far apart on either side.
+constexpr std::int32_t kSlopeStep = 2;
+
+// Where all four are known, as nearly everywhere.
+bool whole_slope(const ColumnResult& north0, const ColumnResult& north1, const ColumnResult& east0,
+                 const ColumnResult& east1, Slope& slope) {
+  if (north0.depth_q8 == kUnknownDepth || north1.depth_q8 == kUnknownDepth ||
+      east0.depth_q8 == kUnknownDepth || east1.depth_q8 == kUnknownDepth) {
+    return false;
+  }
+  slope = Slope{((north1.depth_q8 - north0.depth_q8) * 16) / (2 * kSlopeStep),
+                ((east1.depth_q8 - east0.depth_q8) * 16) / (2 * kSlopeStep)};
+  return true;
 }
 
 /// What a horizontal variance, in cells^2 below 2^45, does to the depth on a slope of at most 2^22. From eight cells
@@ -421,6 +438,7 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
   if (voteless && lit == 0) {
     return;
   }
+  // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): read as far as it is filled below
   Window window;
   window.count = 0;
   window.row_count = 0;
@@ -482,27 +500,23 @@ void Model::smooth_column(std::int32_t n, std::int32_t e) {
 
 // Central difference of the smoothed depths over +-2 cells, one-sided at edges and holes.
 Slope Model::result_slope(std::int32_t n, std::int32_t e) const {
-  constexpr std::int32_t kStep = 2;
-  if (n >= kStep && e >= kStep && n < scale_.size[0] - kStep && e < scale_.size[1] - kStep) {
-    // Nearly all: nothing is missing.
-    const std::int32_t north0_q8 = results_[grid_.column_index(n - kStep, e)].depth_q8;
-    const std::int32_t north1_q8 = results_[grid_.column_index(n + kStep, e)].depth_q8;
-    const std::int32_t east0_q8 = results_[grid_.column_index(n, e - kStep)].depth_q8;
-    const std::int32_t east1_q8 = results_[grid_.column_index(n, e + kStep)].depth_q8;
-    if (north0_q8 != kUnknownDepth && north1_q8 != kUnknownDepth && east0_q8 != kUnknownDepth &&
-        east1_q8 != kUnknownDepth) {
-      return Slope{((north1_q8 - north0_q8) * 16) / (2 * kStep),
-                   ((east1_q8 - east0_q8) * 16) / (2 * kStep)};
-    }
+  const bool inside = n >= kSlopeStep && e >= kSlopeStep && n < scale_.size[0] - kSlopeStep &&
+                      e < scale_.size[1] - kSlopeStep;
+  Slope whole{};
+  if (inside && whole_slope(results_[grid_.column_index(n - kSlopeStep, e)],
+                            results_[grid_.column_index(n + kSlopeStep, e)],
+                            results_[grid_.column_index(n, e - kSlopeStep)],
+                            results_[grid_.column_index(n, e + kSlopeStep)], whole)) {
+    return whole;
   }
-  const auto derivative = [this, n, e](int axis) -> std::int32_t {
+  const auto derivative = [this, n, e](std::int32_t north, std::int32_t east) -> std::int32_t {
     std::int32_t span = 0;
     std::int32_t ends_q8[2] = {0, 0};
     for (int side = 0; side < 2; ++side) {
-      for (std::int32_t step = kStep; step >= 0; --step) {
+      for (std::int32_t step = kSlopeStep; step >= 0; --step) {
         const std::int32_t offset = side == 0 ? -step : step;
-        const std::int32_t nn = axis == 0 ? n + offset : n;
-        const std::int32_t ee = axis == 1 ? e + offset : e;
+        const std::int32_t nn = n + north * offset;
+        const std::int32_t ee = e + east * offset;
         if (nn < 0 || ee < 0 || nn >= scale_.size[0] || ee >= scale_.size[1]) {
           continue;
         }
@@ -516,7 +530,7 @@ Slope Model::result_slope(std::int32_t n, std::int32_t e) const {
     }
     return span == 0 ? 0 : ((ends_q8[1] - ends_q8[0]) * 16) / span;
   };
-  return Slope{derivative(0), derivative(1)};
+  return Slope{derivative(1, 0), derivative(0, 1)};
 }
 
 void Model::assess_column(std::int32_t n, std::int32_t e) {
