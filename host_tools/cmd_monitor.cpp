@@ -22,17 +22,7 @@ void add_monitor_command(CLI::App* app, CommandRun* run) {
       ->capture_default_str();
   command->add_option("--out", options->out_dir, "Map and receive.json, at the end and on SIGUSR1")
       ->type_name("DIR");
-  command
-      ->add_option(
-          "--store", options->store_path,
-          "Keep the map in this file of surveys (leadline store), second by second; what it\n"
-          "has of the same survey is resumed")
-      ->type_name("FILE.lls");
-  command
-      ->add_option("--share", options->share_path,
-                   "Local socket of this user through which `leadline command --link unix:SOCKET` "
-                   "uses the link\nmeanwhile")
-      ->type_name("SOCKET");
+  add_link_use_options(command, &options->store_path, &options->share_path);
   command
       ->add_option(
           "--budget", options->budget_bytes_s,

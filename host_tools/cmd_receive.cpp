@@ -7,6 +7,20 @@
 
 namespace leadline::host {
 
+void add_link_use_options(CLI::App* command, std::string* store_path, std::string* share_path) {
+  command
+      ->add_option(
+          "--store", *store_path,
+          "Keep the map in this file of surveys (leadline store), second by second; what it\n"
+          "has of the same survey is resumed")
+      ->type_name("FILE.lls");
+  command
+      ->add_option("--share", *share_path,
+                   "Local socket of this user through which `leadline command --link unix:SOCKET` "
+                   "uses the link\nmeanwhile")
+      ->type_name("SOCKET");
+}
+
 void add_receive_command(CLI::App* app, CommandRun* run) {
   const auto options = std::make_shared<ReceiveOptions>();
   CLI::App* const command =
@@ -21,17 +35,7 @@ void add_receive_command(CLI::App* app, CommandRun* run) {
       ->add_option("--out", options->out_dir,
                    "Map and receive.json: at the end, on SIGUSR1, and --every S")
       ->type_name("DIR");
-  command
-      ->add_option(
-          "--store", options->store_path,
-          "Keep the map in this file of surveys (leadline store), second by second; what it\n"
-          "has of the same survey is resumed")
-      ->type_name("FILE.lls");
-  command
-      ->add_option("--share", options->share_path,
-                   "Local socket of this user through which `leadline command --link unix:SOCKET` "
-                   "uses the link\nmeanwhile")
-      ->type_name("SOCKET");
+  add_link_use_options(command, &options->store_path, &options->share_path);
   command->add_option("--every", options->every_s, "Write the results every S seconds")
       ->type_name("S")
       ->check(CLI::Range(0.1, 1e6));

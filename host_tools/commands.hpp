@@ -20,6 +20,9 @@ struct MissionOptions;
 void add_mission_options(CLI::App* command, MissionOptions* mission);
 [[nodiscard]] std::string mission_settings_help();
 
+/// Options that `receive` and `monitor` share: a store of surveys, a socket that lends the link.
+void add_link_use_options(CLI::App* command, std::string* store_path, std::string* share_path);
+
 /// Each adds one subcommand to `app`; when it is the one that was given, parsing sets `*run`. `run`
 /// must outlive the parsing.
 void add_map_command(CLI::App* app, CommandRun* run);

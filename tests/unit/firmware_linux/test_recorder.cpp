@@ -6,7 +6,6 @@
 #include <vector>
 
 #include <fcntl.h>
-#include <poll.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,6 +13,7 @@
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/linux/recorder.hpp"
 #include "tests/support/test.hpp"
+#include "tests/support/wait_until.hpp"
 
 namespace {
 
@@ -27,6 +27,7 @@ using leadline::proto::LogReader;
 using leadline::proto::LogRecord;
 using leadline::proto::LogWriter;
 using leadline::proto::MessageType;
+using leadline::test::wait_until;
 
 std::string contents(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -80,18 +81,6 @@ Found read_log(const std::string& path) {
 std::size_t push(Recorder& recorder, std::uint32_t cycle, std::size_t filler = 0) {
   const std::vector<std::uint8_t> batch = batch_of(cycle, filler);
   return recorder.push(cycle, batch.data(), batch.size(), 1) ? 0 : batch.size();
-}
-
-/// Waits until the recorder thread has come to `condition`; false when it never does.
-template <typename Condition>
-bool wait_until(const Condition& condition) {
-  for (int i = 0; i < 20'000; ++i) {
-    if (condition()) {
-      return true;
-    }
-    (void)::poll(nullptr, 0, 1);
-  }
-  return false;
 }
 
 TEST(every_batch_is_written_in_order) {

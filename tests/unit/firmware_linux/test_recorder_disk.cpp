@@ -15,6 +15,7 @@
 
 #include "firmware/linux/recorder.hpp"
 #include "tests/support/test.hpp"
+#include "tests/support/wait_until.hpp"
 
 namespace {
 
@@ -24,6 +25,7 @@ using leadline::proto::LogReader;
 using leadline::proto::LogRecord;
 using leadline::proto::LogWriter;
 using leadline::proto::MessageType;
+using leadline::test::wait_until;
 
 /// Batches begin with this many bytes at least; what the recorder says on stderr is shorter.
 constexpr std::size_t kFiller_bytes = 4000;
@@ -92,17 +94,6 @@ std::vector<std::uint8_t> batch_of(std::uint32_t cycle, std::size_t filler_bytes
 void push(Recorder& recorder, std::uint32_t cycle, std::size_t filler_bytes = kFiller_bytes) {
   const std::vector<std::uint8_t> batch = batch_of(cycle, filler_bytes);
   (void)recorder.push(cycle, batch.data(), batch.size(), 1);
-}
-
-template <typename Condition>
-bool wait_until(const Condition& condition) {
-  for (int i = 0; i < 20'000; ++i) {
-    if (condition()) {
-      return true;
-    }
-    (void)::poll(nullptr, 0, 1);
-  }
-  return false;
 }
 
 struct Found {
