@@ -8,6 +8,8 @@ namespace leadline::host {
 namespace {
 
 constexpr double kStoreEvery_s = 1.0;
+// The link is read and the page served between two saves: neither waits for another program that writes.
+constexpr int kLivePatience_ms = 50;
 
 }  // namespace
 
@@ -34,12 +36,14 @@ void LiveStore::end(const TileStore& ended) {
 void LiveStore::follow(const TileStore& map, double now_s) {
   if (now_s - kept_s_ >= kStoreEvery_s) {
     kept_s_ = now_s;
-    keep(map);
+    keep(map, kLivePatience_ms);
   }
 }
 
-void LiveStore::keep(const TileStore& map) {
-  const bool kept = keeper_.save(map);
+void LiveStore::keep(const TileStore& map) { keep(map, SurveyStore::kPatience_ms); }
+
+void LiveStore::keep(const TileStore& map, int patience_ms) {
+  const bool kept = keeper_.save(map, patience_ms);
   if (!kept && works_) {
     say_("error: the store is behind: " + keeper_.problem());
   } else if (kept && !works_) {

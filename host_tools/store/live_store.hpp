@@ -26,6 +26,8 @@ class LiveStore {
   void require_whole() const;
 
  private:
+  void keep(const TileStore& map, int patience_ms);
+
   StoreKeeper keeper_;
   std::function<void(const std::string&)> say_;
   bool works_ = true;

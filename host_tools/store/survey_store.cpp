@@ -17,11 +17,11 @@ namespace {
 
 constexpr std::int64_t kApplicationId = 0x4C4C5331;  // "LLS1"
 constexpr std::int64_t kFormatVersion = 1;
-constexpr int kBusyWait_ms = 5000;
 constexpr std::size_t kCells_bytes = sizeof(proto::CodedCell) * proto::kTileArea_cells;
 constexpr std::size_t kDisputed_bytes = proto::kTileArea_cells / 8;
 
-// WITHOUT ROWID: a tile is found and replaced by its key, in one tree.
+// Tiles have rowids: in a tree of their key alone (WITHOUT ROWID) a row of 1.1 KB spills into a page of its own, 5 KB a
+// tile. Earlier programs made such stores: they read and are written alike.
 constexpr const char* kSchema = R"(
 CREATE TABLE surveys (
   number INTEGER PRIMARY KEY,
@@ -36,7 +36,7 @@ CREATE TABLE tiles (
   survey INTEGER NOT NULL REFERENCES surveys (number), tile INTEGER NOT NULL,
   generation INTEGER NOT NULL, hash32 INTEGER NOT NULL, known_cells INTEGER NOT NULL,
   crc32c INTEGER NOT NULL, cells BLOB NOT NULL, disputed BLOB,
-  PRIMARY KEY (survey, tile)) WITHOUT ROWID;
+  PRIMARY KEY (survey, tile));
 )";
 
 constexpr const char* kSurveyColumns =
@@ -203,7 +203,7 @@ SurveyStore::SurveyStore(const std::string& path, Access access)
   if (result != SQLITE_OK) {
     fail(opened == nullptr ? "out of memory" : sqlite3_errmsg(opened));
   }
-  sqlite3_busy_timeout(database_.get(), kBusyWait_ms);
+  set_patience(kPatience_ms);
   if (writes_) {
     create();
   }
@@ -216,11 +216,15 @@ SurveyStore::SurveyStore(const std::string& path, Access access)
 
 SurveyStore::~SurveyStore() = default;
 
+void SurveyStore::set_patience(int wait_ms) { sqlite3_busy_timeout(database_.get(), wait_ms); }
+
 void SurveyStore::create() {
-  Statement tables(*this, "SELECT COUNT(*) FROM sqlite_master");
-  (void)tables.step();
-  if (tables.integer_at(0) != 0) {
-    return;
+  {
+    Statement tables(*this, "SELECT COUNT(*) FROM sqlite_master");
+    (void)tables.step();
+    if (tables.integer_at(0) != 0) {
+      return;
+    }
   }
   // In the rollback journal that a new file starts with: who is killed here leaves an empty file.
   execute("PRAGMA synchronous = FULL");
@@ -298,7 +302,9 @@ std::vector<StoredSurvey> SurveyStore::surveys() const {
 std::optional<StoredSurvey> SurveyStore::survey(std::optional<std::int64_t> number) const {
   Statement rows(
       *this, std::string(kSurveyColumns) +
-                 (number ? "WHERE number = ?" : "ORDER BY saved_unix_s DESC, number DESC LIMIT 1"));
+                 (number ? "WHERE number = ?"
+                         : "WHERE number = (SELECT number FROM surveys ORDER BY saved_unix_s DESC, "
+                           "number DESC LIMIT 1)"));
   if (number) {
     rows.integer(*number);
   }
@@ -314,10 +320,17 @@ std::optional<StoredSurvey> SurveyStore::survey(std::optional<std::int64_t> numb
 }
 
 std::optional<StoredSurvey> SurveyStore::survey_of(const proto::Hello& hello) const {
-  Statement rows(*this, std::string(kSurveyColumns) +
-                            "WHERE kind = 'link' AND survey_id = ? AND session = ? AND cell_mm = ? "
-                            "AND size_north = ? AND size_east = ? AND size_down = ? AND "
-                            "origin_north_mm = ? AND origin_east_mm = ? AND origin_down_mm = ?");
+  const std::optional<std::int64_t> number = number_of(hello);
+  return number ? survey(number) : std::nullopt;
+}
+
+// Without the survey's sums, for which all of its tiles would be read.
+std::optional<std::int64_t> SurveyStore::number_of(const proto::Hello& hello) const {
+  Statement rows(*this,
+                 "SELECT number FROM surveys "
+                 "WHERE kind = 'link' AND survey_id = ? AND session = ? AND cell_mm = ? "
+                 "AND size_north = ? AND size_east = ? AND size_down = ? AND "
+                 "origin_north_mm = ? AND origin_east_mm = ? AND origin_down_mm = ?");
   rows.integer(static_cast<std::int64_t>(hello.survey_id)).integer(hello.session);
   rows.integer(hello.cell_mm);
   for (const std::int32_t size : hello.size_cells) {
@@ -326,10 +339,7 @@ std::optional<StoredSurvey> SurveyStore::survey_of(const proto::Hello& hello) co
   for (const std::int64_t origin_mm : hello.origin_mm) {
     rows.integer(origin_mm);
   }
-  if (!rows.step()) {
-    return std::nullopt;
-  }
-  return survey_at(rows);
+  return rows.step() ? std::optional<std::int64_t>(rows.integer_at(0)) : std::nullopt;
 }
 
 StoreLoad SurveyStore::load(std::int64_t number, TileStore* store,
@@ -392,7 +402,8 @@ std::int64_t SurveyStore::insert_survey(const proto::Hello& hello, const char* k
 
 void SurveyStore::write_tile(std::int64_t number, std::uint32_t tile, const TileView& view,
                              const DisputedCells* disputed) {
-  // Generations count modulo 2^32: the half ahead of the stored one is newer.
+  // Generations count modulo 2^32: the half ahead of the stored one is newer. Of two halves of one generation that
+  // two topsides have, the one with more cells stays.
   Statement row(
       *this,
       "INSERT INTO tiles (survey, tile, generation, hash32, known_cells, crc32c, cells, "
@@ -400,7 +411,8 @@ void SurveyStore::write_tile(std::int64_t number, std::uint32_t tile, const Tile
       "generation = excluded.generation, hash32 = excluded.hash32, known_cells = "
       "excluded.known_cells, crc32c = excluded.crc32c, cells = excluded.cells, disputed = "
       "excluded.disputed WHERE ((excluded.generation - tiles.generation) & 4294967295) < "
-      "2147483648");
+      "2147483648 AND (? OR excluded.generation <> tiles.generation OR excluded.known_cells >= "
+      "tiles.known_cells)");
   const std::string cells = cells_blob(view.cells);
   const std::string disputes =
       disputed != nullptr && disputed->any() ? disputed_blob(*disputed) : std::string();
@@ -415,14 +427,15 @@ void SurveyStore::write_tile(std::int64_t number, std::uint32_t tile, const Tile
   } else {
     row.blob(disputes);
   }
+  row.integer(view.complete ? 1 : 0);
   (void)row.step();
 }
 
 std::int64_t SurveyStore::save(const TileStore& store, std::uint64_t since) {
   Transaction transaction(this);
   const proto::Hello& hello = store.hello();
-  const std::optional<StoredSurvey> found = survey_of(hello);
-  const std::int64_t number = found ? found->number : insert_survey(hello, "link", "");
+  const std::optional<std::int64_t> found = number_of(hello);
+  const std::int64_t number = found ? *found : insert_survey(hello, "link", "");
   for (const std::uint32_t tile : store.changed_since(since)) {
     write_tile(number, tile, *store.tile(tile), nullptr);
   }
@@ -476,13 +489,14 @@ StoreLoad StoreKeeper::begin(TileStore* map) {
   return load;
 }
 
-bool StoreKeeper::save(const TileStore& map) {
+bool StoreKeeper::save(const TileStore& map, int patience_ms) {
   const bool place_known = map.hello().has_geodetic_origin != 0;
   if (map.sequence() == saved_sequence_ && place_known == place_known_) {
     return true;
   }
   const std::uint64_t sequence = map.sequence();
   try {
+    store_.set_patience(patience_ms);
     (void)store_.save(map, saved_sequence_);
   } catch (const HostError& error) {
     problem_ = error.what();

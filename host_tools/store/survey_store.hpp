@@ -47,7 +47,7 @@ struct StoreLoad {
   std::uint32_t damaged_tiles = 0;  ///< their CRC is wrong, or the grid has no such tile: left out
 };
 
-/// One connection to one file. Several processes may share a file; a writer waits up to 5 s for another.
+/// One connection to one file. Several processes may share a file; a writer waits for another, kPatience_ms at most.
 /// Errors: HostError naming the file; kInput: cannot be opened or read, is no store, a newer version; kOutput:
 /// cannot be written, disk full. After an error of save() or write_merged() the file is as before the call.
 class SurveyStore {
@@ -56,12 +56,16 @@ class SurveyStore {
     kRead,
     kWrite,  ///< creates the file where there is none
   };
+  static constexpr int kPatience_ms = 5000;
   SurveyStore(const std::string& path, Access access);
   ~SurveyStore();
   SurveyStore(const SurveyStore&) = delete;
   SurveyStore& operator=(const SurveyStore&) = delete;
 
-  /// All surveys, by number.
+  /// How long to wait for another program that writes.
+  void set_patience(int wait_ms);
+
+  /// All surveys, by number. Reads the whole file.
   [[nodiscard]] std::vector<StoredSurvey> surveys() const;
   /// The one with this number, or the one that was saved last.
   [[nodiscard]] std::optional<StoredSurvey> survey(std::optional<std::int64_t> number) const;
@@ -75,7 +79,7 @@ class SurveyStore {
 
   /// Writes the tiles of `store` that changed after its sequence() was `since`, and its place, in one
   /// transaction; a map that is new to the file becomes a survey. A tile that the file has in a newer
-  /// generation stays. Returns the survey's number. O(tiles written).
+  /// generation, or with more cells in the same, stays. Returns the survey's number. O(tiles written).
   std::int64_t save(const TileStore& store, std::uint64_t since);
 
   /// Adds a survey of kind "merged". `disputed`: one entry per tile of the grid.
@@ -90,6 +94,7 @@ class SurveyStore {
   void execute(const char* sql) const;
   void create();
   void check_format();
+  [[nodiscard]] std::optional<std::int64_t> number_of(const proto::Hello& hello) const;
   std::int64_t insert_survey(const proto::Hello& hello, const char* kind, const std::string& name);
   void write_tile(std::int64_t number, std::uint32_t tile, const TileView& view,
                   const DisputedCells* disputed);
@@ -112,8 +117,9 @@ class StoreKeeper {
 
   /// To be called when a map begins, before anything is applied to it: what the file has of it comes back.
   StoreLoad begin(TileStore* map);
-  /// Writes what changed since the last call. False: it could not be written now; problem() says why.
-  bool save(const TileStore& map);
+  /// Writes what changed since the last call, after waiting so long for another program that writes. False: it could
+  /// not be written now; problem() says why.
+  bool save(const TileStore& map, int patience_ms = SurveyStore::kPatience_ms);
   [[nodiscard]] const std::string& problem() const { return problem_; }
   [[nodiscard]] const std::string& path() const { return store_.path(); }
 

@@ -167,6 +167,69 @@ TEST(an_older_word_does_not_replace_a_newer_one) {
   assert_true(stored_hash(path) == map.cells_hash());
 }
 
+TEST(a_store_of_an_earlier_program_goes_on) {
+  const std::string path = leadline::test::scratch_directory() + "/s.lls";
+  Random random(9);
+  TileStore map(grid());
+  change(&map, &random);
+  { (void)SurveyStore(path, SurveyStore::Access::kWrite).save(map, 0); }
+  sqlite3* database = nullptr;
+  assert_int_equal(sqlite3_open(path.c_str(), &database), SQLITE_OK);
+  assert_int_equal(
+      sqlite3_exec(database,
+                   "ALTER TABLE tiles RENAME TO now; CREATE TABLE tiles (survey INTEGER NOT NULL "
+                   "REFERENCES surveys (number), tile INTEGER NOT NULL, generation INTEGER NOT "
+                   "NULL, hash32 INTEGER NOT NULL, known_cells INTEGER NOT NULL, crc32c INTEGER "
+                   "NOT NULL, cells BLOB NOT NULL, disputed BLOB, PRIMARY KEY (survey, tile)) "
+                   "WITHOUT ROWID; INSERT INTO tiles SELECT * FROM now; DROP TABLE now",
+                   nullptr, nullptr, nullptr),
+      SQLITE_OK);
+  sqlite3_close(database);
+  TileStore resumed(grid());
+  StoreKeeper keeper(path);
+  assert_int_equal(keeper.begin(&resumed).tiles, map.known_tiles());
+  assert_true(resumed.cells_hash() == map.cells_hash());
+  change(&resumed, &random);
+  assert_true(keeper.save(resumed));
+  assert_true(stored_hash(path) == resumed.cells_hash());
+}
+
+TEST(half_a_tile_does_not_replace_a_whole_one) {
+  const std::string path = leadline::test::scratch_directory() + "/s.lls";
+  // Two topsides hear one vehicle; the second one has missed half of what the tile's generation says.
+  TileDelta delta{};
+  delta.tile = 3;
+  delta.generation = 7;
+  leadline::proto::CodedCell cells[kTileArea_cells] = {};
+  for (int k = 0; k < 40; ++k) {
+    cells[k] = code_cell(1000 + k, 2048, 0);
+  }
+  delta.hash32 = leadline::proto::fold_hash(leadline::proto::tile_hash(cells));
+  const auto tell = [&](TileStore* map, int first, int count) {
+    delta.changed = {};
+    for (int k = first; k < first + count; ++k) {
+      delta.changed.set(k);
+      delta.cells[k] = cells[k];
+    }
+    delta.cell_count = count;
+    (void)map->apply(delta);
+  };
+  TileStore whole(grid());
+  tell(&whole, 0, 40);
+  TileStore half(grid());
+  tell(&half, 0, 20);
+  SurveyStore store(path, SurveyStore::Access::kWrite);
+  (void)store.save(half, 0);
+  assert_true(stored_hash(path) == half.cells_hash());
+  (void)store.save(whole, 0);
+  (void)store.save(half, 0);
+  assert_true(stored_hash(path) == whole.cells_hash());
+  // What is still to come of it is taken.
+  tell(&half, 20, 20);
+  (void)store.save(half, 0);
+  assert_true(stored_hash(path) == whole.cells_hash());
+}
+
 TEST(damage_costs_the_tile_that_it_hit) {
   const std::string path = leadline::test::scratch_directory() + "/s.lls";
   Random random(4);
@@ -236,6 +299,7 @@ struct FileOperation {
 using Folder = std::map<std::string, std::string>;
 
 std::vector<FileOperation> operations;  // of the files opened through the layer
+std::size_t bytes_read = 0;             // through it
 
 void carry_out(const FileOperation& operation, std::string* content) {
   if (operation.kind == FileOperation::Kind::kTruncate) {
@@ -300,6 +364,7 @@ const sqlite3_io_methods* layer_methods() {
     m.iVersion = 2;  // no memory mapping of the database: every write is seen
     m.xClose = [](sqlite3_file* f) { return real(f)->pMethods->xClose(real(f)); };
     m.xRead = [](sqlite3_file* f, void* to, int size, sqlite3_int64 at) {
+      bytes_read += static_cast<std::size_t>(size);
       return real(f)->pMethods->xRead(real(f), to, size, at);
     };
     m.xWrite = [](sqlite3_file* f, const void* from, int size, sqlite3_int64 at) {
@@ -476,6 +541,60 @@ TEST(a_power_cut_costs_at_most_the_save_under_way) {
   assert_true(cuts > 300);
 }
 
+/// Bytes read and written by a program that starts, and saves one tile of a full map.
+struct SaveCost {
+  std::size_t read = 0;
+  std::size_t written = 0;
+  std::size_t per_tile = 0;  ///< of the file
+};
+SaveCost cost_of_a_save(std::int32_t side_cells) {
+  const std::string path = leadline::test::scratch_directory() + "/cost.lls";
+  Hello hello = grid();
+  hello.size_cells[0] = hello.size_cells[1] = side_cells;
+  TileStore map(hello);
+  TileDelta delta{};
+  for (std::uint32_t tile = 0; tile < map.tile_count(); ++tile) {
+    delta.tile = tile;
+    delta.generation = 1;
+    delta.cell_count = kTileArea_cells;
+    for (int k = 0; k < kTileArea_cells; ++k) {
+      delta.changed.set(k);
+      delta.cells[k] = code_cell(static_cast<std::int32_t>(tile) + k, 2048, 0);
+    }
+    delta.hash32 = leadline::proto::fold_hash(leadline::proto::tile_hash(delta.cells));
+    (void)map.apply(delta);
+  }
+  { (void)SurveyStore(path, SurveyStore::Access::kWrite).save(map, 0); }
+  SaveCost cost;
+  cost.per_tile = static_cast<std::size_t>(fs::file_size(path)) / map.tile_count();
+  const std::uint64_t since = map.sequence();
+  delta.generation = 2;
+  (void)map.apply(delta);
+  SurveyStore store(path, SurveyStore::Access::kWrite);
+  operations.clear();
+  bytes_read = 0;
+  (void)store.save(map, since);
+  cost.read = bytes_read;
+  for (const FileOperation& operation : operations) {
+    cost.written += operation.bytes.size();
+  }
+  return cost;
+}
+
+TEST(a_save_costs_what_changed_and_not_what_is_there) {
+  install_layer();
+  const SaveCost small = cost_of_a_save(64);
+  const SaveCost large = cost_of_a_save(512);
+  remove_layer();
+  std::printf("one tile of 16: %zu bytes read, %zu written; of 1024: %zu, %zu; %zu a tile\n",
+              small.read, small.written, large.read, large.written, large.per_tile);
+  // A deeper tree has a page or two more on the way.
+  constexpr std::size_t kTwoPages_bytes = 2 * 4096;
+  assert_true(large.read <= small.read + kTwoPages_bytes);
+  assert_true(large.written <= small.written + kTwoPages_bytes);
+  assert_true(large.per_tile < 1400);
+}
+
 TEST(a_save_that_fails_leaves_what_was_and_succeeds_later) {
   const std::string path = leadline::test::scratch_directory() + "/s.lls";
   Random random(6);
@@ -490,6 +609,7 @@ TEST(a_save_that_fails_leaves_what_was_and_succeeds_later) {
   // Another program writes for longer than anyone waits.
   assert_int_equal(sqlite3_exec(other, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
   change(&map, &random);
+  store.set_patience(10);
   try {
     (void)store.save(map, since);
     fail_msg("saved past another writer");
