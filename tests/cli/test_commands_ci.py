@@ -17,7 +17,8 @@ import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
-from vehicle import OK, PATIENCE_S, Case, Instruments, Ping1d, Pty, crc32c, frames  # noqa: E402
+from vehicle import (  # noqa: E402
+    BRIEF, CYCLE, OK, PATIENCE_S, Case, Instruments, Log, Ping1d, Pty, brief_fields, crc32c, frames)
 
 LEADLINE = os.environ["LEADLINE"]
 REPLAY = pathlib.Path(os.environ["LEADLINE_BUILD"]) / "firmware" / "leadline-replay"
@@ -270,7 +271,7 @@ class Commands(Case):
         self.fly(process, sonar, lambda: sonar.answers > 60 and self.relay.vehicle is not None)
         self.assertEqual(self.order(OK, "stop")["result"], "done")
         self.assertEqual(self.order(OK, "save")["result"], "done")
-        time.sleep(1.0)  # a tile a cycle: 16 of them
+        self.wait_until_sent(self.log)
         process.kill()  # as a power cut
         process.communicate()
         flown = self.known_cells(self.log)
@@ -280,10 +281,25 @@ class Commands(Case):
         process = self.start()
         self.relay.vehicle = None
         self.wait_for(lambda: self.relay.vehicle is not None)
-        time.sleep(1.5)
+        self.wait_until_sent(again)
         _, err = self.stop(process)
         self.assertIn("resumes a map of", err)
         self.assertEqual(self.known_cells(again), flown)
+
+    def wait_until_sent(self, log):
+        """Until nothing waits for the link, and the store has had its tile a cycle for all 16."""
+        now_ms = brief_fields([each for each in frames(self.relay.down)[0] if each[0] == BRIEF][-1])["t_ms"]
+
+        def sent():
+            records = Log(log).records
+            first = next((i for i, each in enumerate(records)
+                          if each[0] == CYCLE and struct.unpack("<q", each[5:13])[0] >= now_ms * 1000), None)
+            later = records[first:] if first is not None else []
+            told = [brief_fields(each) for each in later if each[0] == BRIEF]
+            return (sum(each[0] == CYCLE for each in later) >= 40 and bool(told) and
+                    told[-1]["tiles_known"] > 0 and told[-1]["tiles_dirty"] == 0)
+
+        self.wait_for(sent)
 
     def known_cells(self, log):
         return json.loads(self.leadline(OK, "receive", "--link", f"file:{log}", "--json").stdout)["known_cells"]

@@ -13,18 +13,13 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
 from vehicle import (  # noqa: E402
     ALARM_PORT_LOST, ALARM_RECORDER_LOST, CHUNK, CONFIG, CYCLE, DELTA, END, GAP, HEADER, HELLO, OK, OUTPUT,
-    BRIEF, PATIENCE_S, STATUS, TABLE, Case, Instruments, Log, Ping1d, Pty, crc32c)
+    BRIEF, PATIENCE_S, STATUS, TABLE, Case, Instruments, Log, Ping1d, Pty, brief_fields, crc32c)
 
 
 def alarms_of(status):
     if status[0] == STATUS:
         return struct.unpack("<I", status[13:17])[0]
-    alarms, at = 0, 5
-    while True:
-        alarms |= (status[at] & 0x7F) << 7 * (at - 5)
-        if status[at] < 0x80:
-            return alarms
-        at += 1
+    return brief_fields(status)["alarms"]
 
 
 class Flight(Case):

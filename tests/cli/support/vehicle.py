@@ -83,6 +83,28 @@ def frames(data):
     return payloads, bad + (1 if rest else 0)
 
 
+def brief_fields(payload):
+    """Of a brief, what the tests ask for."""
+    at = 5
+
+    def varint():
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte, at = payload[at], at + 1
+            value |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return value
+
+    fields = {"t_ms": struct.unpack("<I", payload[1:5])[0], "alarms": varint()}
+    at += 1  # pose_validity
+    for _ in range(3):
+        varint()  # position
+    at += 4  # heading, sigma
+    return fields | {name: varint() for name in ("pings_fused", "tiles_known", "tiles_dirty", "cells_sent")}
+
+
 class Log:
     """A log as bytes, taken apart by proto/SPEC.md."""
 
