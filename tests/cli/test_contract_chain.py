@@ -22,7 +22,7 @@ SMALL = ["--set", "north_count=40", "--set", "east_count=40", "--set", "line_spa
          "--set", "settle_s=2"]
 MAP = ["depth.asc", "depth.png", "depth.tif", "receive.json", "sigma.asc"]
 DATUM = "sea surface"
-PATIENCE_S = 60  # for what takes a moment; nothing here asserts how long it took
+PATIENCE_S = 180  # for what takes a moment; nothing here asserts how long it took
 
 
 def cobs(data):

@@ -40,7 +40,7 @@ class Service(Case):
         self.manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.addCleanup(self.manager.close)
         self.manager.bind(str(self.dir / "notify"))
-        self.manager.settimeout(60)
+        self.manager.settimeout(180)
 
     def start(self, **environment):
         process = subprocess.Popen([VEHICLE, "--config", self.dir / "vehicle.toml", "--drain-s", "0"],
@@ -67,11 +67,11 @@ class Service(Case):
         time.sleep(1)
         with self.assertRaises(BlockingIOError):
             self.heard()
-        self.manager.settimeout(60)
+        self.manager.settimeout(180)
         process.send_signal(signal.SIGCONT)
         self.assertEqual(self.heard(), "WATCHDOG=1")
         process.send_signal(signal.SIGTERM)
-        self.assertEqual(process.wait(60), OK)
+        self.assertEqual(process.wait(180), OK)
         said = []
         self.manager.setblocking(False)
         try:
@@ -86,7 +86,7 @@ class Service(Case):
         self.assertEqual(self.heard(), "READY=1")
         process.send_signal(signal.SIGTERM)
         self.assertEqual(self.heard(), "STOPPING=1")
-        self.assertEqual(process.wait(60), OK)
+        self.assertEqual(process.wait(180), OK)
 
 
 if __name__ == "__main__":

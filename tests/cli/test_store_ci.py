@@ -18,7 +18,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
 from contract import INPUT, LEADLINE, OK, OUTPUT, USAGE, Case  # noqa: E402
 
-PATIENCE_S = 60
+PATIENCE_S = 180
 KILLS = 12
 # Ten by ten metres in three lines.
 SMALL = ["--set", "north_count=40", "--set", "east_count=40", "--set", "line_spacing_m=4",

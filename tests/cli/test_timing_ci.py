@@ -78,7 +78,7 @@ class Timing(Case):
         # strace ends with the vehicle.
         vehicle = int(main)
         subprocess.run(["kill", "-INT", str(vehicle)], check=True)
-        process.communicate(timeout=60)
+        process.communicate(timeout=180)
 
 
 if __name__ == "__main__":

@@ -163,7 +163,7 @@ class Ship:
         for device in self.devices:
             device.stop()
         self.process.send_signal(signal.SIGINT)
-        out, _ = self.process.communicate(timeout=60)
+        out, _ = self.process.communicate(timeout=180)
         self.case.assertEqual(self.process.returncode, 0, (self.folder / "said").read_text())
         summary = json.loads(out)
         for device, port in zip(self.devices, summary["ports"]):

@@ -14,7 +14,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
 from contract import LEADLINE, OK, USAGE, Case  # noqa: E402
 
 VEHICLE = os.environ["LEADLINE_VEHICLE"]
-PATIENCE_S = 60
+PATIENCE_S = 180
 # 24 x 24 metres of 0.25 m: 6 x 6 tiles.
 FLIGHT = ["--set", "north_count=96", "--set", "east_count=96", "--set", "line_spacing_m=8", "--set",
           "settle_s=2"]

@@ -23,7 +23,7 @@ LEADLINE = os.environ["LEADLINE"]
 VEHICLE = os.environ["LEADLINE_VEHICLE"]
 
 OK, INTERNAL, USAGE, INPUT, OUTPUT = 0, 1, 2, 3, 4
-PATIENCE_S = 60  # for what takes a moment; nothing here asserts how long it took
+PATIENCE_S = 180  # for what takes a moment; nothing here asserts how long it took
 
 GRID = "[grid]\ncell_mm = 500\nsize = [64, 64, 48]\norigin_mm = [-16000, -16000, 0]\n"
 LATITUDE, LONGITUDE = 10.0, 20.0
