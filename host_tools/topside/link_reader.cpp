@@ -48,17 +48,23 @@ void LinkReader::share(const std::string& socket_path) {
 }
 
 std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
-  return read_bytes(now_s, [this, receiver](const std::uint8_t* data, std::size_t size_bytes) {
-    try {
-      receiver->feed(data, size_bytes);
-    } catch (const HostError&) {
-      // A vehicle of another major is told why nobody listens.
-      if (!is_file_) {
-        (void)send(hello_request_frame());
-      }
-      throw;
-    }
-  });
+  const std::size_t got =
+      read_bytes(now_s, [this, receiver](const std::uint8_t* data, std::size_t size_bytes) {
+        try {
+          receiver->feed(data, size_bytes);
+        } catch (const HostError&) {
+          // A vehicle of another major is told why nobody listens.
+          if (!is_file_) {
+            (void)send(hello_request_frame());
+          }
+          throw;
+        }
+      });
+  if (share_) {
+    share_->serve([this](const std::vector<std::uint8_t>& frame) { return send(frame); },
+                  receiver->store());
+  }
+  return got;
 }
 
 bool LinkReader::send(const std::vector<std::uint8_t>& frame) {
@@ -82,9 +88,6 @@ std::size_t LinkReader::read_bytes(
       share_->give(buffer_.data(), got);
     }
     take(buffer_.data(), got);
-  }
-  if (share_) {
-    share_->serve([this](const std::vector<std::uint8_t>& frame) { return send(frame); });
   }
   return sum;
 }

@@ -22,8 +22,8 @@ class LinkReader {
   /// kUsage (the URI, an address that is taken), kInput (no such device, a file that cannot be read).
   LinkReader(const std::string& uri, const std::string& command);
 
-  /// Lends the link to others of this user from now on (LinkShare), in read_some() and read_bytes(). Throws HostError:
-  /// kOutput; kUsage for a file.
+  /// Lends the link to others of this user from now on (LinkShare), in read_some(). Throws HostError: kOutput; kUsage
+  /// for a file.
   void share(const std::string& socket_path);
 
   /// Feeds what has come, at most so much that a flood lets the caller look at its clock in between.

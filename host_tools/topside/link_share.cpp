@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <set>
 
+#include <linux/sockios.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -20,6 +23,18 @@ bool may_go_up(const proto::FrameView& frame) {
          (type == proto::MessageType::kCommand || type == proto::MessageType::kHelloRequest);
 }
 
+std::vector<std::uint8_t> framed(const std::uint8_t* payload, std::size_t payload_bytes) {
+  std::vector<std::uint8_t> frame(proto::frame_bound_bytes(payload_bytes));
+  frame.resize(proto::encode_frame(payload, payload_bytes, frame.data(), frame.size()).value());
+  return frame;
+}
+
+proto::CellMask all_cells() {
+  proto::CellMask all{};
+  std::fill(std::begin(all.rows), std::end(all.rows), UINT16_MAX);
+  return all;
+}
+
 }  // namespace
 
 struct LinkShare::Guest {
@@ -30,6 +45,23 @@ struct LinkShare::Guest {
 
   int fd;
   proto::FrameDecoderBuffer<> frames;
+  bool greeted = false;
+  std::uint16_t tag = 0;               ///< of the map that he was greeted with
+  std::vector<std::uint32_t> owed;     ///< tiles to come, the next one last
+  std::set<std::uint32_t> unfinished;  ///< were handed out with something missing
+
+  /// Of those, the ones that are whole now.
+  void owe_finished(const TileStore& map) {
+    for (auto each = unfinished.begin(); each != unfinished.end();) {
+      const std::optional<TileView> tile = map.tile(*each);
+      if (tile && !tile->complete) {
+        ++each;
+      } else {
+        owed.push_back(*each);
+        each = unfinished.erase(each);
+      }
+    }
+  }
 };
 
 LinkShare::LinkShare(const std::string& path) {
@@ -52,7 +84,20 @@ void LinkShare::give(const std::uint8_t* data, std::size_t size_bytes) {
   }
 }
 
-void LinkShare::serve(const std::function<bool(const std::vector<std::uint8_t>&)>& send) {
+void LinkShare::serve(const std::function<bool(const std::vector<std::uint8_t>&)>& send,
+                      const TileStore* map) {
+  let_in();
+  for (auto& guest : guests_) {
+    if (guest && !listen_to(guest.get(), send)) {
+      guest.reset();
+    }
+    if (guest && map != nullptr) {
+      hand_out(guest.get(), *map);
+    }
+  }
+}
+
+void LinkShare::let_in() {
   for (int fd = listener_.accept(); fd >= 0; fd = listener_.accept()) {
     auto* const seat = std::find(guests_.begin(), guests_.end(), nullptr);
     if (seat == guests_.end()) {
@@ -63,27 +108,87 @@ void LinkShare::serve(const std::function<bool(const std::vector<std::uint8_t>&)
       counters_.joined += 1;
     }
   }
+}
+
+bool LinkShare::listen_to(Guest* guest,
+                          const std::function<bool(const std::vector<std::uint8_t>&)>& send) {
   std::array<std::uint8_t, kRound_bytes> bytes{};
-  for (auto& guest : guests_) {
-    if (!guest) {
-      continue;
+  const ssize_t got = ::recv(guest->fd, bytes.data(), bytes.size(), 0);
+  if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR)) {
+    return false;
+  }
+  const std::uint8_t* data = bytes.data();
+  for (auto left = static_cast<std::size_t>(std::max<ssize_t>(got, 0)); left > 0;) {
+    std::size_t used = 0;
+    proto::FrameView frame{};
+    if (guest->frames.decoder().feed(data, left, used, frame)) {
+      pass_on(frame, send);
     }
-    const ssize_t got = ::recv(guest->fd, bytes.data(), bytes.size(), 0);
-    if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR)) {
-      guest.reset();
-      continue;
-    }
-    const std::uint8_t* data = bytes.data();
-    for (auto left = static_cast<std::size_t>(std::max<ssize_t>(got, 0)); left > 0;) {
-      std::size_t used = 0;
-      proto::FrameView frame{};
-      if (guest->frames.decoder().feed(data, left, used, frame)) {
-        pass_on(frame, send);
-      }
-      data += used;
-      left -= used;
+    data += used;
+    left -= used;
+  }
+  return true;
+}
+
+void LinkShare::hand_out(Guest* guest, const TileStore& map) {
+  int unread_bytes = 0;
+  if (::ioctl(guest->fd, SIOCOUTQ, &unread_bytes) != 0 ||
+      static_cast<std::size_t>(unread_bytes) >= kHandOut_bytes) {
+    return;
+  }
+  std::vector<std::uint8_t> bytes;
+  const auto add = [&bytes](const std::uint8_t* payload, std::size_t size_bytes) {
+    const std::vector<std::uint8_t> frame = framed(payload, size_bytes);
+    bytes.insert(bytes.end(), frame.begin(), frame.end());
+  };
+  std::uint8_t payload[proto::kMaxPayload_bytes];
+  if (!guest->greeted || guest->tag != map.tag()) {
+    guest->greeted = true;
+    guest->tag = map.tag();
+    guest->owed = map.changed_since(0);
+    std::reverse(guest->owed.begin(), guest->owed.end());
+    guest->unfinished.clear();
+    const auto size = proto::encode_hello(map.hello(), payload, sizeof payload);
+    if (size.ok()) {
+      add(payload, size.value());
     }
   }
+  guest->owe_finished(map);
+  while (!guest->owed.empty() && bytes.size() < kHandOut_bytes) {
+    proto::TilePacketEncoder packet(payload, sizeof payload, map.tag());
+    while (!guest->owed.empty() && add_next_tile(guest, map, &packet)) {
+    }
+    const std::size_t size_bytes = packet.finish();
+    if (size_bytes > 0) {
+      add(payload, size_bytes);
+    }
+  }
+  if (!bytes.empty() && ::send(guest->fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) !=
+                            static_cast<ssize_t>(bytes.size())) {
+    ::shutdown(guest->fd, SHUT_RDWR);  // the next look at him finds the end
+  }
+}
+
+// Whole, unknown cells as well: what he has heard of it in another order gives way. False: there is no room for it.
+bool LinkShare::add_next_tile(Guest* guest, const TileStore& map,
+                              proto::TilePacketEncoder* packet) {
+  const std::uint32_t id = guest->owed.back();
+  const std::optional<TileView> tile = map.tile(id);
+  if (tile) {
+    proto::CellMask taken{};
+    // Of one that misses something the vehicle's own next word is to count, with its hash: ours is of what we have.
+    const std::uint32_t generation = tile->generation - (tile->complete ? 0U : 1U);
+    const auto added = packet->add({id, generation, tile->cells, all_cells()}, taken);
+    if (!added.ok() || added.value() < proto::kTileArea_cells) {
+      return false;  // cut: all of it stands in the next packet, where this part does no harm
+    }
+    counters_.handed_tiles += 1;
+    if (!tile->complete) {
+      guest->unfinished.insert(id);
+    }
+  }
+  guest->owed.pop_back();
+  return true;
 }
 
 void LinkShare::pass_on(const proto::FrameView& frame,
@@ -92,11 +197,7 @@ void LinkShare::pass_on(const proto::FrameView& frame,
     counters_.withheld += 1;
     return;
   }
-  std::vector<std::uint8_t> framed(proto::frame_bound_bytes(frame.payload_bytes));
-  framed.resize(
-      proto::encode_frame(frame.payload, frame.payload_bytes, framed.data(), framed.size())
-          .value());
-  counters_.forwarded += send(framed) ? 1U : 0U;
+  counters_.forwarded += send(framed(frame.payload, frame.payload_bytes)) ? 1U : 0U;
 }
 
 }  // namespace leadline::host

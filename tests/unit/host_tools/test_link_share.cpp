@@ -1,4 +1,5 @@
 // A link lent to others of this user: what they get, what of theirs goes up, and who does not get in.
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <memory>
@@ -13,6 +14,7 @@
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/topside/command_sender.hpp"
 #include "host_tools/topside/link_share.hpp"
+#include "host_tools/topside/receiver.hpp"
 #include "proto/commands.hpp"
 #include "proto/messages.hpp"
 #include "tests/support/test.hpp"
@@ -86,12 +88,14 @@ Bytes command_frame() {
 Bytes sent_up(LinkShare* share, bool room = true) {
   Bytes up;
   for (int round = 0; round < 8; ++round) {
-    share->serve([&](const Bytes& frame) {
-      if (room) {
-        up.insert(up.end(), frame.begin(), frame.end());
-      }
-      return room;
-    });
+    share->serve(
+        [&](const Bytes& frame) {
+          if (room) {
+            up.insert(up.end(), frame.begin(), frame.end());
+          }
+          return room;
+        },
+        nullptr);
   }
   return up;
 }
@@ -166,6 +170,176 @@ TEST(nothing_else_goes_up) {
   guest.say(framed({}));  // ends what the noise began
   guest.say(command_frame());
   assert_false(sent_up(&share).empty());
+}
+
+/// A vehicle's map on its way: hello and tile packets, as they come.
+struct Survey {
+  explicit Survey(std::uint64_t survey_id) {
+    hello.protocol_major = proto::kProtocolMajor;
+    hello.protocol_minor = proto::kProtocolMinor;
+    hello.schema_hash = proto::schema_hash();
+    hello.tile_side_cells = proto::kTileSide_cells;
+    hello.survey_id = survey_id;
+    hello.session = 3;
+    hello.cell_mm = 500;
+    hello.size_cells[0] = hello.size_cells[1] = kSide_cells;
+    hello.size_cells[2] = 64;
+    cells.resize(kTiles * proto::kTileArea_cells);
+    generation.resize(kTiles);
+  }
+  [[nodiscard]] Bytes hello_frame() const {
+    Bytes payload(proto::kMaxHello_bytes);
+    payload.resize(proto::encode_hello(hello, payload.data(), payload.size()).value());
+    return framed(payload);
+  }
+  /// Some cells of a tile change, one of them to unknown.
+  Bytes change(std::uint32_t tile, Random* random) {
+    proto::CodedCell* const own = &cells[tile * proto::kTileArea_cells];
+    proto::CellMask changed{};
+    for (int k = 0; k < 60; ++k) {
+      const auto cell = static_cast<int>(random->between(0, proto::kTileArea_cells - 1));
+      own[cell] =
+          k == 0 ? proto::kUnknownCell
+                 : proto::code_cell(static_cast<std::int32_t>(random->between(0, 15000)), 2048, 0);
+      changed.set(cell);
+    }
+    generation[tile] += 1;
+    Bytes payload(proto::kMaxPayload_bytes);
+    proto::CellMask taken{};
+    payload.resize(proto::encode_tile({tile, generation[tile], own, changed},
+                                      proto::survey_tag(hello.survey_id, hello.session),
+                                      payload.data(), payload.size(), taken)
+                       .value());
+    return framed(payload);
+  }
+  /// All of a tile, as an answer to a resend request.
+  [[nodiscard]] Bytes whole(std::uint32_t tile) const {
+    proto::CellMask all{};
+    std::fill(std::begin(all.rows), std::end(all.rows), UINT16_MAX);
+    Bytes payload(proto::kMaxPayload_bytes);
+    proto::CellMask taken{};
+    payload.resize(
+        proto::encode_tile({tile, generation[tile], &cells[tile * proto::kTileArea_cells], all},
+                           proto::survey_tag(hello.survey_id, hello.session), payload.data(),
+                           payload.size(), taken)
+            .value());
+    return framed(payload);
+  }
+
+  static constexpr std::int32_t kSide_cells = 320;
+  static constexpr std::uint32_t kTiles = (kSide_cells / 16) * (kSide_cells / 16);
+  proto::Hello hello{};
+  std::vector<proto::CodedCell> cells;
+  std::vector<std::uint32_t> generation;
+};
+
+/// The program that has the link, and what it hears and lends.
+struct Holder {
+  explicit Holder(const std::string& path) : share(path) {}
+  void hear(const Bytes& down) {
+    share.give(down.data(), down.size());
+    receiver.feed(down.data(), down.size());
+  }
+  void round() {
+    share.serve([](const Bytes&) { return true; }, receiver.store());
+  }
+  LinkShare share;
+  leadline::host::Receiver receiver;
+};
+
+/// Rounds until nothing comes any more.
+void catch_up(Holder* holder, const Guest& guest, leadline::host::Receiver* receiver) {
+  for (int quiet = 0; quiet < 3;) {
+    holder->round();
+    const Bytes bytes = guest.hear();
+    receiver->feed(bytes.data(), bytes.size());
+    quiet = bytes.empty() ? quiet + 1 : 0;
+  }
+}
+
+TEST(who_comes_late_gets_the_map_that_is_there) {
+  const Place place;
+  Holder holder(place.path);
+  Random random(11);
+  Survey survey(5);
+  const Guest early(place.path);
+  leadline::host::Receiver heard;
+  holder.hear(survey.hello_frame());
+  for (std::uint32_t tile = 0; tile < Survey::kTiles; ++tile) {
+    holder.hear(survey.change(tile, &random));
+    if (tile % 50 == 0) {
+      catch_up(&holder, early, &heard);
+    }
+  }
+  (void)survey.change(7, &random);  // is lost: what the next one says of the tile is not all
+  const Bytes late_word = survey.change(7, &random);
+  holder.hear(survey.change(7, &random));
+  assert_int_equal(holder.receiver.store()->tiles_incomplete(), 1);
+  // Far more than what he may have to read at a time; and the vehicle goes on.
+  const Guest late(place.path);
+  leadline::host::Receiver caught_up;
+  for (std::uint32_t tile = 0; tile < Survey::kTiles; tile += 3) {  // all but the seventh
+    holder.round();
+    const Bytes bytes = late.hear();
+    caught_up.feed(bytes.data(), bytes.size());
+    holder.hear(survey.change(tile, &random));
+  }
+  catch_up(&holder, late, &caught_up);
+  assert_true(caught_up.store()->cells_hash() == holder.receiver.store()->cells_hash());
+  assert_true(caught_up.counters().malformed == 0 && caught_up.counters().damaged_frames == 0);
+  // An older word overtaken by a newer one, then what was missing.
+  holder.hear(late_word);
+  holder.hear(survey.whole(7));
+  assert_int_equal(holder.receiver.store()->tiles_incomplete(), 0);
+  catch_up(&holder, late, &caught_up);
+  catch_up(&holder, early, &heard);
+  assert_int_equal(caught_up.store()->tiles_incomplete(), 0);
+  assert_true(caught_up.store()->cells_hash() == holder.receiver.store()->cells_hash());
+  assert_true(heard.store()->cells_hash() == holder.receiver.store()->cells_hash());
+  assert_int_equal(holder.share.counters().cut_off, 0);
+  // Everything once, but for the tile that was not whole.
+  assert_true(holder.share.counters().handed_tiles <= Survey::kTiles + 2 + 51);
+  // Another map: he hears it from its beginning.
+  Survey next(6);
+  holder.hear(next.hello_frame());
+  holder.hear(next.change(3, &random));
+  catch_up(&holder, late, &caught_up);
+  assert_int_equal(caught_up.store()->hello().survey_id, 6);
+  assert_true(caught_up.store()->cells_hash() == holder.receiver.store()->cells_hash());
+}
+
+TEST(a_map_that_comes_from_a_store_is_handed_out_too) {
+  const Place place;
+  Holder holder(place.path);
+  Random random(12);
+  Survey survey(5);
+  leadline::host::Receiver before;
+  const Bytes hello = survey.hello_frame();
+  before.feed(hello.data(), hello.size());
+  for (std::uint32_t tile = 0; tile < 9; ++tile) {
+    const Bytes change = survey.change(tile, &random);
+    before.feed(change.data(), change.size());
+  }
+  holder.receiver.on_begun = [&before](leadline::host::TileStore& begun) {
+    for (std::uint32_t id = 0; id < 9; ++id) {
+      const auto tile = before.store()->tile(id);
+      leadline::host::StoredTile stored;
+      stored.tile = id;
+      stored.generation = tile->generation;
+      stored.hash32 = tile->hash32;
+      std::copy_n(tile->cells, proto::kTileArea_cells, stored.cells);
+      assert_true(begun.restore(stored));
+    }
+  };
+  // He is there before the map is.
+  const Guest guest(place.path);
+  leadline::host::Receiver receiver;
+  catch_up(&holder, guest, &receiver);
+  assert_null(receiver.store());
+  holder.hear(hello);
+  catch_up(&holder, guest, &receiver);
+  assert_true(receiver.store()->cells_hash() == before.store()->cells_hash());
+  assert_int_equal(holder.share.counters().handed_tiles, 9);
 }
 
 TEST(only_this_user_gets_in_and_only_so_many) {
