@@ -64,6 +64,12 @@ struct FrameBytes {
   base::TimeUs t_arrival_us;  ///< arrival of its last byte
 };
 
+/// Bytes of a frame, in its owner's buffer. None: there is no frame.
+struct FrameView {
+  const std::uint8_t* data;
+  std::size_t size_bytes;
+};
+
 /// When the first bit of a frame left the sensor: the arrival of its last byte less its transmission at
 /// `byte_time_ns` a byte (0: not known, or part of the port's latency).
 [[nodiscard]] constexpr base::TimeUs sent_us(const FrameBytes& frame, std::int64_t byte_time_ns) {
@@ -94,6 +100,7 @@ class Framer {
   /// wrong one, nothing else. When the caller has let the buffer fill up without asking next(), the
   /// oldest byte is skipped.
   void feed(std::uint8_t byte, base::TimeUs t_arrival_us, CodecCounters& counters) {
+    last_bytes_ = 0;
     if (begin_ == end_) {
       begin_ = 0;
       end_ = 0;
@@ -111,6 +118,7 @@ class Framer {
   /// The next intact frame, if there is one; `frame` is left alone otherwise.
   template <class Rules>
   [[nodiscard]] bool next(const Rules& rules, CodecCounters& counters, FrameBytes& frame) {
+    last_bytes_ = 0;
     while (begin_ < end_) {
       const bool paused = pause_at_ > begin_;
       const std::size_t available = (paused ? pause_at_ : end_) - begin_;
@@ -142,6 +150,11 @@ class Framer {
     return false;
   }
 
+  /// The frame that next() delivered last; valid as long, and of no bytes behind that. O(1).
+  [[nodiscard]] FrameView last_frame() const {
+    return {bytes_.data() + (begin_ - last_bytes_), last_bytes_};
+  }
+
   /// The other end is known to have stopped sending: what is buffered gets no more, and nothing reaches
   /// across. Takes effect with the next call of next().
   void pause() { pause_at_ = begin_ == end_ ? pause_at_ : end_; }
@@ -152,6 +165,7 @@ class Framer {
     begin_ = 0;
     end_ = 0;
     pause_at_ = 0;
+    last_bytes_ = 0;
   }
 
   [[nodiscard]] std::size_t buffered_bytes() const { return end_ - begin_; }
@@ -162,6 +176,7 @@ class Framer {
     frame.size_bytes = size_bytes;
     frame.t_first_us = arrival_of(begin_);
     begin_ += size_bytes;
+    last_bytes_ = size_bytes;
     frame.t_arrival_us = arrival_of(begin_ - 1);
   }
 
@@ -226,7 +241,8 @@ class Framer {
   base::TimeUs last_arrival_us_ = 0;
   std::size_t begin_ = 0;  ///< first byte not yet delivered or skipped
   std::size_t end_ = 0;
-  std::size_t pause_at_ = 0;  ///< the line was silent before this byte: no frame reaches across
+  std::size_t last_bytes_ = 0;  ///< of the frame that ends at begin_
+  std::size_t pause_at_ = 0;    ///< the line was silent before this byte: no frame reaches across
 };
 
 }  // namespace leadline::hal

@@ -54,7 +54,7 @@ ARROWS = {
     "host_tools": [
         "host_tools", "proto", "model", "estimator", "firmware/pipeline", "firmware/config",
         "firmware/keys", "hal/heads", "hal/attitude", "hal/linux", "hal/emu",
-        "hal/wire.hpp", "hal/codec.hpp", "hal/can_frame.hpp",
+        "hal/wire.hpp", "hal/codec.hpp", "hal/can_frame.hpp", "hal/text_fields.hpp",
     ],
     "tests": None,
     "toolchain": ["toolchain"],

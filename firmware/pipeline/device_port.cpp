@@ -40,6 +40,12 @@ struct HasSamples<Codec, std::void_t<decltype(std::declval<Codec&>().take_sample
                              std::declval<base::NavSample&>()))>> : std::true_type {};
 
 template <class Codec, class = void>
+struct HasFrame : std::false_type {};
+template <class Codec>
+struct HasFrame<Codec, std::void_t<decltype(std::declval<const Codec&>().frame())>>
+    : std::true_type {};
+
+template <class Codec, class = void>
 struct HasRequest : std::false_type {};
 template <class Codec>
 struct HasRequest<Codec, std::void_t<decltype(std::declval<Codec&>().request(
@@ -61,6 +67,11 @@ hal::Ping1dConfig for_decoding(hal::Ping1dConfig config) {
 }
 [[maybe_unused]] hal::WlDvlConfig for_decoding(hal::WlDvlConfig config) {
   config.drop_repeats = false;
+  config.every_report = true;
+  return config;
+}
+[[maybe_unused]] hal::VectorNavConfig for_decoding(hal::VectorNavConfig config) {
+  config.every_report = true;
   return config;
 }
 [[maybe_unused]] hal::XsensConfig for_decoding(hal::XsensConfig config) {
@@ -142,10 +153,18 @@ struct Calls {
   static hal::CodecCounters counters(const void* codec) {
     return uniform(static_cast<const Codec*>(codec)->counters());
   }
+  static hal::FrameView frame(const void* codec) {
+    if constexpr (HasFrame<Codec>::value) {
+      return static_cast<const Codec*>(codec)->frame();
+    } else {
+      static_cast<void>(codec);
+      return {nullptr, 0};
+    }
+  }
 
-  static constexpr DeviceCodec kTable = {Entry::kDriver, sizeof(Codec), &make,
-                                         &make_default,  &feed,         &next,
-                                         &request,       &restart,      &counters};
+  static constexpr DeviceCodec kTable = {Entry::kDriver, sizeof(Codec), &make,    &make_default,
+                                         &feed,          &next,         &request, &restart,
+                                         &counters,      &frame};
 };
 
 template <class Entry>
@@ -217,6 +236,10 @@ void PortCodec::restart() {
 
 hal::CodecCounters PortCodec::counters() const {
   return codec_ != nullptr ? codec_->counters(object_) : hal::CodecCounters{};
+}
+
+hal::FrameView PortCodec::frame() const {
+  return codec_ != nullptr ? codec_->frame(object_) : hal::FrameView{nullptr, 0};
 }
 
 }  // namespace leadline::firmware

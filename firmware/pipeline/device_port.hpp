@@ -22,7 +22,7 @@ struct DeviceRecord {
   base::NavSample sample;
 };
 
-/// The calls of one codec class: feed, next, request, restart, counters. Static, one for each driver; `codec`
+/// The calls of one codec class: feed, next, request, restart, counters, frame. Static, one for each driver; `codec`
 /// is the object that `make` or `make_default` constructed.
 struct DeviceCodec {
   Driver driver;
@@ -35,6 +35,7 @@ struct DeviceCodec {
   std::size_t (*request)(void* codec, base::TimeUs now_us, std::uint8_t* out, std::size_t capacity);
   void (*restart)(void* codec);
   hal::CodecCounters (*counters)(const void* codec);
+  hal::FrameView (*frame)(const void* codec);
 };
 
 /// Null for kNone and for drivers that this build does not carry. O(drivers).
@@ -86,6 +87,9 @@ class PortCodec {
   /// The port was closed and opened again: half a frame is forgotten, a conversation begins anew.
   void restart();
   [[nodiscard]] hal::CodecCounters counters() const;
+  /// The frame that the last record was made of, until the next byte; none where the codec does not keep it, or the
+  /// record came out of a queue.
+  [[nodiscard]] hal::FrameView frame() const;
   /// Frames that the codec dropped, for any reason, and records that it refused.
   [[nodiscard]] std::uint32_t rejected() const { return hal::rejected(counters()); }
 

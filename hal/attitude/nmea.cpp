@@ -665,6 +665,11 @@ void NmeaCodec::restart() {
   inside_ = false;
 }
 
+FrameView NmeaCodec::frame() const {
+  // NOLINTNEXTLINE(cppcoreguidelines-pro-type-reinterpret-cast): the bytes that the text came as
+  return {reinterpret_cast<const std::uint8_t*>(text_.data()), record_bytes_};
+}
+
 bool NmeaCodec::finish(base::NavSample& sample) {
   std::size_t body = 0;
   std::uint32_t sum = 0;
@@ -708,6 +713,7 @@ bool NmeaCodec::finish(base::NavSample& sample) {
   counters_.no_data += taken.fields == 0 ? 1U : 0U;
   counters_.records += taken.fields == 0 ? 0U : 1U;
   sample = taken;
+  record_bytes_ = size_;
   return true;
 }
 

@@ -41,6 +41,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "hal/codec.hpp"
 #include "model/base/nav_sample.hpp"
 #include "model/base/units.hpp"
 
@@ -87,13 +88,17 @@ class NmeaCodec {
   void restart();
 
   [[nodiscard]] const NmeaCounters& counters() const { return counters_; }
+  /// The sentence of the last record without '$' and line end, until the next byte: for whoever shows what
+  /// navigation leaves.
+  [[nodiscard]] FrameView frame() const;
 
  private:
   [[nodiscard]] bool finish(base::NavSample& sample);
 
   NmeaConfig config_;
   std::array<char, kMaxSentence_bytes> text_{};
-  std::size_t size_ = 0;  ///< bytes behind '$'
+  std::size_t size_ = 0;          ///< bytes behind '$'
+  std::size_t record_bytes_ = 0;  ///< of the sentence that became the last record
   bool inside_ = false;
   bool saw_gga_ = false;
   base::TimeUs t_last_us_ = 0;

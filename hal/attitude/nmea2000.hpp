@@ -102,6 +102,8 @@ class Nmea2000Codec {
   void restart();
 
   [[nodiscard]] const CodecCounters& counters() const { return counters_; }
+  /// The frame of the last record, until the next byte: for whoever shows what navigation leaves.
+  [[nodiscard]] FrameView frame() const { return framer_.last_frame(); }
 
  private:
   [[nodiscard]] bool take(const CanFrame& frame, base::TimeUs t_us, base::NavSample& sample);

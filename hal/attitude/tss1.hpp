@@ -45,6 +45,8 @@ class Tss1Codec {
   /// The port was closed and opened again.
   void restart() { framer_.reset(counters_); }
   [[nodiscard]] const CodecCounters& counters() const { return counters_; }
+  /// The frame of the last record, until the next byte: for whoever shows what navigation leaves.
+  [[nodiscard]] FrameView frame() const { return framer_.last_frame(); }
 
  private:
   [[nodiscard]] bool take(const FrameBytes& frame, base::NavSample& sample);

@@ -358,6 +358,10 @@ bool VectorNavCodec::take_text(const FrameBytes& frame, base::NavSample& sample)
     ++counters_.nacks;
     return false;
   }
+  if (config_.every_report && is(line.at(0), "VNRRG")) {
+    sample = sample_of(frame, base::NavKind::kOther);
+    return true;
+  }
   if (!is(line.at(0), "VNYMR")) {
     ++counters_.ignored;
     return false;

@@ -32,6 +32,7 @@ namespace leadline::hal {
 struct VectorNavConfig {
   bool true_heading = false;      ///< yaw is of true north (reference model or GNSS compass)
   bool accept_unchecked = false;  ///< take "*XX"
+  bool every_report = false;  ///< $VNRRG makes a record (kOther, no fields): for decoding a file
   std::int32_t byte_time_ns = 0;  ///< per byte on the line; 0: in the port's latency
 };
 
@@ -50,6 +51,8 @@ class VectorNavCodec {
   /// The port was closed and opened again.
   void restart();
   [[nodiscard]] const CodecCounters& counters() const { return counters_; }
+  /// The frame of the last record, until the next byte: for whoever shows what navigation leaves.
+  [[nodiscard]] FrameView frame() const { return framer_.last_frame(); }
 
  private:
   [[nodiscard]] bool take(const FrameBytes& frame, base::NavSample& sample);

@@ -361,6 +361,11 @@ bool WlDvlCodec::take_serial(const FrameBytes& frame, base::NavSample& sample) {
   if (is(name, "wrx")) {
     return take_old_velocity(line, sample);
   }
+  const std::size_t beam_fields = is(name, "wru") ? 6 : (is(name, "wrt") ? 5 : 0);
+  if (config_.every_report && beam_fields != 0) {
+    counters_.bad_values += line.count == beam_fields ? 0U : 1U;
+    return line.count == beam_fields;
+  }
   if (!is(name, "wrp")) {
     ++counters_.ignored;
     return false;

@@ -24,7 +24,7 @@
 // wrt), :BS (the same velocity again) and answers are counted as ignored, wrn, wr? and wr! as nacks.
 //
 // Dead reckoning (wrp, position_local) counts from the last reset, along the axes that the DVL had then:
-// x is not north. Its yaw is about the same axes and is left out.
+// x is not north. Its yaw is about the same axes and is left out of the sample.
 //
 // UNSURE, hence options: what PD4's bottom status means, and PD4's axes.
 //
@@ -45,6 +45,8 @@ struct WlDvlConfig {
   std::uint8_t pd4_good_status = 0;  ///< PD4's bottom status of a good velocity (0 as with RDI)
   /// wrx beside wrz is a repeat. False for decoding a file: everything in it counts.
   bool drop_repeats = true;
+  /// wru and wrt make records, too (kOther, no fields): for decoding a file, which shows them by frame().
+  bool every_report = false;
   bool pd4_ship_axes = false;     ///< PD4's x, y, z are starboard, forward, up (as with RDI)
   std::int32_t byte_time_ns = 0;  ///< per byte on the line; 0: in the port's latency
 };
@@ -66,6 +68,8 @@ class WlDvlCodec {
   /// The port was closed and opened again.
   void restart();
   [[nodiscard]] const CodecCounters& counters() const { return counters_; }
+  /// The frame of the last record, until the next byte: for whoever shows what navigation leaves.
+  [[nodiscard]] FrameView frame() const { return framer_.last_frame(); }
 
  private:
   using Fields = TextFields<kMaxFields>;

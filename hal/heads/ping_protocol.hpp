@@ -97,6 +97,7 @@ class PingParser {
   void pause() { framer_.pause(); }
   void reset() { framer_.reset(counters_); }
   [[nodiscard]] std::size_t buffered_bytes() const { return framer_.buffered_bytes(); }
+  [[nodiscard]] FrameView last_frame() const { return framer_.last_frame(); }
 
   /// The framer's; whoever takes the frames counts what becomes of them in here, too.
   [[nodiscard]] CodecCounters& counters() { return counters_; }

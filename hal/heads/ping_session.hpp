@@ -57,6 +57,7 @@ class PingSession {
   [[nodiscard]] CodecCounters& counters() { return parser_.counters(); }
   [[nodiscard]] const CodecCounters& counters() const { return parser_.counters(); }
   [[nodiscard]] const PingDeviceInfo& device() const { return info_; }
+  [[nodiscard]] FrameView last_frame() const { return parser_.last_frame(); }
   /// The head is what its codec is for. One that does not say counts as such.
   [[nodiscard]] bool right_device() const;
 
@@ -135,6 +136,8 @@ class PingHead {
   }
   [[nodiscard]] const PingDeviceInfo& device() const { return session_.device(); }
   [[nodiscard]] const CodecCounters& counters() const { return session_.counters(); }
+  /// The frame of the last record, until the next byte: for whoever shows what a model leaves.
+  [[nodiscard]] FrameView frame() const { return session_.last_frame(); }
 
  private:
   friend Codec;

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "host_tools/decode/frame_values.hpp"
 #include "host_tools/decode/record_json.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/text.hpp"
@@ -96,7 +97,9 @@ void Decoder::take(std::uint8_t byte) {
   while (kind != RecordKind::kNone) {
     if (kind == RecordKind::kSample) {
       flush_beams();
-      deliver(sample_json(record_.sample, driver_, sample_time()));
+      ordered_json json = sample_json(record_.sample, driver_, sample_time());
+      add_frame_values(driver_, port_->frame(), &json);
+      deliver(json);
     } else if (record_.ping.kind == base::ReturnKind::kProfile) {
       flush_beams();
       deliver(profile_json(record_.ping, driver_, ping_time(record_.ping)));
@@ -115,6 +118,11 @@ void Decoder::add_beam(const base::Ping& ping) {
   if (another) {
     flush_beams();
   }
+  if (beams_.empty()) {
+    // The codec's own goes with the next record that it is asked for.
+    const hal::FrameView frame = port_->frame();
+    beams_frame_.assign(frame.data, frame.data + frame.size_bytes);
+  }
   beams_.push_back(ping);
 }
 
@@ -122,7 +130,9 @@ void Decoder::flush_beams() {
   if (beams_.empty()) {
     return;
   }
-  deliver(beams_json(beams_, driver_, ping_time(beams_.front())));
+  ordered_json json = beams_json(beams_, driver_, ping_time(beams_.front()));
+  add_frame_values(driver_, {beams_frame_.data(), beams_frame_.size()}, &json);
+  deliver(json);
   beams_.clear();
 }
 

@@ -55,6 +55,7 @@ class Decoder {
   std::unique_ptr<firmware::DevicePort> port_;
   firmware::DeviceRecord record_{};
   std::vector<base::Ping> beams_;
+  std::vector<std::uint8_t> beams_frame_;  ///< that the first of them came in
   bool timed_ = false;
   base::TimeUs arrival_us_;
   base::TimeUs untimed_us_;

@@ -12,6 +12,8 @@
 // depth    of a pressure sensor or vehicle: depth_m, below the surface. Of an echo sounder on NMEA 0183 or NMEA
 //          2000 (DBT, DPT, 128267): depth_below_transducer_m and the same as altitude_m, no depth_m
 //
+// What a device states beside that (variation, offsets, accelerations, beams, settings) follows: frame_values.hpp.
+//
 // azimuth and elevation are in the mount's frame: azimuth from forward to the right, elevation positive down.
 // angle_deg is the device's own angle: of a scanning head the turn of its transducer, 0 .. 360, of a fan the
 // angle across the track from straight below, starboard positive.

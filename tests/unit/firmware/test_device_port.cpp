@@ -141,6 +141,34 @@ TEST(a_codec_of_another_driver_takes_the_storage_of_the_one_before) {
   assert_int_equal(port.counters().restarts, 0);
 }
 
+TEST(a_record_s_frame_is_there_until_the_next_byte) {
+  const std::string hdm = "$IIHDM,201.5,M*24";
+  assert_true(port.configure_decoding(Driver::kNmea));
+  DeviceRecord record{};
+  assert_int_equal(port.frame().size_bytes, 0);
+  for (const char c : hdm + "\r") {
+    (void)port.feed(static_cast<std::uint8_t>(c), 0, record);
+  }
+  // Without the '$'.
+  assert_int_equal(port.frame().size_bytes, hdm.size() - 1);
+  assert_memory_equal(port.frame().data, hdm.data() + 1, hdm.size() - 1);
+
+  const std::string tss1 = ":00FFCA -0003F-0325  0319\r\n";
+  assert_true(port.configure_decoding(Driver::kTss1));
+  for (const char c : tss1) {
+    (void)port.feed(static_cast<std::uint8_t>(c), 0, record);
+  }
+  assert_int_equal(port.frame().size_bytes, tss1.size());
+  assert_memory_equal(port.frame().data, tss1.data(), tss1.size());
+  assert_int_equal(port.next(record), RecordKind::kNone);
+  assert_int_equal(port.frame().size_bytes, 0);
+  // Not every codec keeps it, nor does a port without one.
+  assert_true(port.configure_decoding(Driver::kXsens));
+  assert_int_equal(port.frame().size_bytes, 0);
+  assert_false(port.configure_decoding(Driver::kNone));
+  assert_int_equal(port.frame().size_bytes, 0);
+}
+
 TEST(codecs_in_one_arena_do_not_touch_each_other_and_a_full_one_leaves_the_port_deaf) {
   using leadline::firmware::CodecArena;
   using leadline::firmware::PortCodec;

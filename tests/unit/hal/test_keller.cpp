@@ -87,6 +87,7 @@ TEST(made_requests_of_the_maker_s_bus) {
   (void)request_of(codec, 0);
   assert_int_equal(samples_of(codec, keller_sealed(from_hex("01 30 05 14 0d 21 0a 01"))).size(), 0);
   assert_true(request_of(codec, 200'000) == from_hex("01 49 01 50 d6"));
+  assert_true(keller_sealed(from_hex("fa 49 01")) == from_hex("fa 49 01 a1 a7"));
 }
 
 TEST(answers_become_pressure_and_temperature) {

@@ -82,6 +82,22 @@ Ping only(Ping1dCodec& codec, const Bytes& bytes, std::int64_t t_us = 0) {
 
 }  // namespace
 
+// devices.md 1.1, REAL: protocol version 1.2.3, the second from source 77.
+TEST(protocol_version_vectors) {
+  Ping1dCodec codec(wide());
+  assert_int_equal(
+      records_of<Ping>(codec, from_hex("42 52 04 00 05 00 00 00 01 02 03 00 a3 00")).size(), 0);
+  assert_int_equal(codec.device().protocol[0], 1);
+  assert_int_equal(codec.device().protocol[1], 2);
+  assert_int_equal(codec.device().protocol[2], 3);
+  Ping1dConfig config = wide();
+  config.device_id = 77;
+  Ping1dCodec other(config);
+  records_of<Ping>(other, from_hex("42 52 04 00 05 00 4d d3 01 02 03 63 26 02"));
+  assert_int_equal(other.device().protocol[2], 3);
+  assert_int_equal(other.counters().wrong_device, 0);
+}
+
 TEST(distance_vector) {
   Ping1dConfig config = wide();
   config.mount = 3;

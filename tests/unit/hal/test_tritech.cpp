@@ -266,10 +266,13 @@ TEST(commands_as_the_makers_programs_write_them) {
   assert_int_equal(codec.request(std::int64_t{0x03b064ca} * 1000, out, sizeof out),
                    send_data.size());
   assert_memory_equal(out, send_data.data(), send_data.size());
-  // The line echoes what we say: an intact frame, none of our business.
+  // The line echoes what we say, or another program's mtSendBBUser and mtReBoot: intact frames, none of our
+  // business.
+  const Bytes send_bb_user = from_hex("40 30 30 30 38 08 00 ff 02 03 18 80 02 0a");
+  const Bytes reboot = from_hex("40 30 30 30 38 08 00 ff 02 03 10 80 02 0a");
   const auto before = codec.counters().ignored;
-  records_of<Ping>(codec, version + parameters + send_data);
-  assert_int_equal(codec.counters().ignored, before + 3);
+  records_of<Ping>(codec, version + send_bb_user + reboot + parameters + send_data);
+  assert_int_equal(codec.counters().ignored, before + 5);
   assert_int_equal(leadline::hal::rejected(codec.counters()), 0);
   // Two lines for one request.
   assert_int_equal(records_of<Ping>(codec, image(3200, Bytes(20)) + image(3216, Bytes(20))).size(),

@@ -79,6 +79,12 @@ TEST(real_register_is_ignored) {
   assert_int_equal(counters.frames, 1);
   assert_int_equal(counters.ignored, 1);
   assert_int_equal(counters_of(from_text("$VNERR,03*72\r\n")).nacks, 1);
+  // Who reads a file wants it.
+  VectorNavConfig config;
+  config.every_report = true;
+  const NavSample sample = only(from_text("$VNRRG,01,VN-200T-CR*31\r\n"), config);
+  assert_true(sample.kind == NavKind::kOther);
+  assert_int_equal(sample.fields, 0);
 }
 
 // MADE: TimeStartup 1234567890123 ns, YPR (-4.328, 1.357, 178.257).

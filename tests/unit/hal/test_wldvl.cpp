@@ -71,6 +71,21 @@ TEST(real_lines_of_beams_are_ignored) {
     const auto counters = counters_of(from_text(line));
     assert_int_equal(counters.frames, 1);
     assert_int_equal(counters.ignored, 1);
+    // Who reads a file wants them all: a record without a field, and its bytes.
+    WlDvlConfig config;
+    config.every_report = true;
+    WlDvlCodec codec(config);
+    const auto samples = samples_of(codec, from_text(line));
+    assert_int_equal(samples.size(), 1);
+    assert_true(samples[0].kind == NavKind::kOther);
+    assert_int_equal(samples[0].fields, 0);
+  }
+  WlDvlConfig config;
+  config.every_report = true;
+  for (const char* body : {"wru,0,0.070,1.10,-40", "wrt,14.90,15.10,14.80,-1.00,2"}) {
+    WlDvlCodec codec(config);
+    assert_int_equal(samples_of(codec, wldvl_line(body)).size(), 0);
+    assert_int_equal(codec.counters().bad_values, 1);
   }
 }
 
@@ -122,7 +137,11 @@ TEST(answers) {
   assert_int_equal(counters_of(wldvl_line("wra") + wldvl_line("wrv,2.5.0")).ignored, 2);
   // MADE commands on the same line are none of ours.
   assert_int_equal(counters_of(from_text("wcv*fe\r\nwcc*95\r\nwcp,3*74\r\n")).frames, 0);
-  assert_true(wldvl_line("wcx") == from_text("wcx*d4\r\n"));
+  for (const char* line :
+       {"wcv*fe\r\n", "wcc*95\r\n", "wcp,3*74\r\n", "wcx*d4\r\n", "wcr*e2\r\n"}) {
+    const std::string text = line;
+    assert_true(wldvl_line(text.substr(0, text.size() - 5)) == from_text(text));
+  }
   assert_true(wldvl_line("wcs,1450,,n,,,") == from_text("wcs,1450,,n,,,*c5\r\n"));
 }
 
