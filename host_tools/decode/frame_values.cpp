@@ -35,13 +35,13 @@ ordered_json number(TextField field) {
   double value = 0;
   const char* const end = field.text + field.size;
   const auto [stop, error] = std::from_chars(field.text, end, value);
-  return !field.empty() && error == std::errc() && stop == end ? ordered_json(value)
-                                                               : ordered_json(nullptr);
+  const bool good = !field.empty() && error == std::errc() && stop == end && std::isfinite(value);
+  return good ? ordered_json(value) : ordered_json(nullptr);
 }
 
 ordered_json whole_number(const TextField& field) {
-  const ordered_json value = number(field);
-  return value.is_null() ? value : ordered_json(value.get<std::int64_t>());
+  std::int64_t value = 0;
+  return hal::parse_decimal(field, 0, value) ? ordered_json(value) : ordered_json(nullptr);
 }
 
 /// Fields between commas, from the start of the text to its '*' or end.

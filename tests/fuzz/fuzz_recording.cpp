@@ -1,22 +1,21 @@
 // Files of other programs, as bytes that mean no good: every container that `import` and `decode` know (ping-viewer,
 // CAN text, MAVLink telemetry log, XTF, raw streams of .svlog and .83P) gives pieces until it ends, never more bytes
-// than the file has but where text stands for frames, and what it gives lives in the driver's codec.
+// than the file has but where text stands for frames, and what it gives lives in the driver's codec and makes records
+// that can be printed.
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
 
-#include "firmware/pipeline/device_port.hpp"
 #include "hal/can_frame.hpp"
+#include "host_tools/decode/decoder.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/import/recording.hpp"
 
 namespace {
 
-using leadline::firmware::DevicePort;
-using leadline::firmware::DeviceRecord;
 using leadline::firmware::Driver;
-using leadline::firmware::RecordKind;
 using leadline::host::ByteSource;
+using leadline::host::Decoder;
 using leadline::host::RecordedBytes;
 using leadline::host::Recording;
 
@@ -24,7 +23,13 @@ constexpr Driver kDrivers[] = {Driver::kPing1d,   Driver::kPing360, Driver::kNme
                                Driver::kMavlink,  Driver::kR2sonic, Driver::kCerulean,
                                Driver::kDeltat83p};
 
-DevicePort port;
+/// Whose frames are printed with what is beside the record.
+constexpr Driver kLines[] = {Driver::kNmea, Driver::kTss1, Driver::kVectornav, Driver::kWldvl};
+
+Driver driver_of(std::uint8_t choice) {
+  return choice < 0xF0 ? kDrivers[choice % std::size(kDrivers)]
+                       : kLines[choice % std::size(kLines)];
+}
 
 void require(bool condition) {
   if (!condition) {
@@ -33,24 +38,23 @@ void require(bool condition) {
 }
 
 void read_all(Recording& recording, Driver driver, std::size_t size) {
-  require(port.configure_decoding(driver));
+  std::size_t records = 0;
+  Decoder decoder(driver, [&records](const nlohmann::ordered_json& record) {
+    require(record.dump().size() > 2);
+    ++records;
+  });
   RecordedBytes piece;
-  DeviceRecord record{};
   std::size_t bytes = 0;
-  std::int64_t t_us = 0;
   while (recording.next(&piece)) {
     require(!piece.bytes.empty());
     bytes += piece.bytes.size();
     // The shortest line that is a frame has seven characters.
     require(bytes <= size * leadline::hal::kCanFrame_bytes);
     require(driver == Driver::kNmea2000 || bytes <= size);
-    t_us = piece.t_us.value_or(t_us + 1000);
-    for (const std::uint8_t byte : piece.bytes) {
-      for (RecordKind kind = port.feed(byte, t_us, record); kind != RecordKind::kNone;
-           kind = port.next(record)) {
-      }
-    }
+    decoder.feed(piece.bytes.data(), piece.bytes.size(), piece.t_us);
   }
+  decoder.finish();
+  require(decoder.records() == records);
   require(!recording.next(&piece));
 }
 
@@ -60,7 +64,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size < 1) {
     return 0;
   }
-  const Driver driver = kDrivers[data[0] % std::size(kDrivers)];
+  const Driver driver = driver_of(data[0]);
   try {
     const std::unique_ptr<Recording> recording =
         leadline::host::open_recording(ByteSource(data + 1, size - 1), driver);
