@@ -2,29 +2,22 @@
 // message that names the file comes out; rows that are accepted are in order and within their
 // limits; and they make a beam, or are refused by it in the same way.
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/table/beam_pattern.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
+using leadline::fuzz::require;
 using leadline::host::BeamDescription;
 using leadline::host::BeamPattern;
 using leadline::host::ExitCode;
 using leadline::host::HostError;
 using leadline::host::PatternRow;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 void require_printable(const HostError& error) {
   require(error.code() == ExitCode::kUsage, "only configuration errors");

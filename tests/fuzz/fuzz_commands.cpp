@@ -2,23 +2,19 @@
 // nothing passes the gate whose tag is not right.
 #include <array>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 
 #include "firmware/pipeline/command_event.hpp"
 #include "firmware/pipeline/command_gate.hpp"
 #include "proto/commands.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
+using leadline::fuzz::require;
+
 using namespace leadline::proto;  // NOLINT: every name of the header is under test
 namespace firmware = leadline::firmware;
-
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
 
 std::array<std::uint8_t, 8192> again;
 std::array<std::uint8_t, std::size_t{kMaxSliceSide} * kMaxSliceSide> levels;

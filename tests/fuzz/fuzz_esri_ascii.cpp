@@ -3,26 +3,19 @@
 // finite or unknown; and it survives being written and read again.
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/raster.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
+using leadline::fuzz::require;
 using leadline::host::ExitCode;
 using leadline::host::HostError;
 using leadline::host::Raster;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 void check(const Raster& raster) {
   require(raster.columns >= 1 && raster.rows >= 1, "a raster has cells");

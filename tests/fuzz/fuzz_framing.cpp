@@ -1,23 +1,18 @@
 // Bytes of a link, cut at will: the decoder never reads or writes outside its buffer, whatever it
 // delivers carries its CRC, its counters account for every byte, and the cut does not matter.
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <vector>
 
 #include "proto/framing.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
+using leadline::fuzz::require;
 using leadline::proto::encode_frame;
 using leadline::proto::FrameDecoder;
 using leadline::proto::FrameView;
-
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
 
 }  // namespace
 

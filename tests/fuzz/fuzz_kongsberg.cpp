@@ -1,23 +1,18 @@
 // A Kongsberg head's datagrams, cut at will: beams and samples stay within their limits. The sum of an
 // older datagram that arrives whole is put right first, so that what is in it gets looked at.
 #include <cstdint>
-#include <cstdlib>
 #include <vector>
 
 #include "hal/heads/kongsberg.hpp"
 #include "hal/wire.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
 using leadline::base::NavSample;
 using leadline::base::Ping;
+using leadline::fuzz::require;
 using leadline::hal::KongsbergCodec;
-
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
 
 void put_sum_right(std::vector<std::uint8_t>& bytes) {
   if (bytes.size() < 12 || bytes[4] != 2) {

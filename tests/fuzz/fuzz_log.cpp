@@ -1,21 +1,17 @@
 // A log of any bytes, in pieces of any size: the cut does not matter, counters add up, and every record that
 // is delivered was a frame with its CRC.
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <vector>
 
 #include "proto/log.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
-using namespace leadline::proto;  // NOLINT: every name of the header is under test
+using leadline::fuzz::require;
 
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
+using namespace leadline::proto;  // NOLINT: every name of the header is under test
 
 struct Record {
   std::vector<std::uint8_t> payload;

@@ -4,15 +4,16 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/map_config.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
+using leadline::fuzz::require;
 using leadline::host::BeamKind;
 using leadline::host::ExitCode;
 using leadline::host::HostError;
@@ -21,13 +22,6 @@ using leadline::host::map_config_to_toml;
 using leadline::host::MapConfig;
 using leadline::host::NoReturn;
 using leadline::host::parse_map_config;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 bool within(double value, double low, double high) { return value >= low && value <= high; }
 
@@ -92,11 +86,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     config = parse_map_config(text, "f.toml", "");
   } catch (const HostError& error) {
     require(error.code() == ExitCode::kUsage, "only configuration errors");
-    const std::string message = error.what();
-    require(message.rfind("f.toml", 0) == 0, "messages name the file");
-    for (const char c : message) {
-      require(c == '\n' || (c >= 0x20 && c < 0x7F), "messages are printable");
-    }
+    leadline::fuzz::require_message(error.what(), "f.toml");
     return 0;
   }
   check(config);

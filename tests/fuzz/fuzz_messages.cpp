@@ -1,22 +1,18 @@
 // Payloads of any kind: a decoder never reads outside them, and what it takes encodes to the same bytes.
 #include <array>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 
 #include "proto/framing.hpp"
 #include "proto/log.hpp"
 #include "proto/messages.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
-using namespace leadline::proto;  // NOLINT: every name of the headers is under test
+using leadline::fuzz::require;
 
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
+using namespace leadline::proto;  // NOLINT: every name of the headers is under test
 
 std::array<std::uint8_t, kMaxPayload_bytes> again;
 

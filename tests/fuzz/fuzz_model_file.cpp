@@ -3,8 +3,6 @@
 // but for the reserved ones. The checksum is made to fit in a second try: otherwise nothing behind it
 // would ever be reached.
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <string_view>
@@ -12,19 +10,14 @@
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/model_file.hpp"
 #include "model/base/crc32c.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
+using leadline::fuzz::require;
 using leadline::host::ExitCode;
 using leadline::host::HostError;
 using leadline::host::SavedModel;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 void fuzz(std::string_view bytes) {
   SavedModel saved;

@@ -2,13 +2,12 @@
 // with a generation is read whole, or the failure is counted; a page that is written is the one that is read, also
 // after the device is mounted anew. The sums of each slot are put right by its first byte: no fuzzer finds a CRC.
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <vector>
 
 #include "firmware/pipeline/page_store.hpp"
 #include "model/base/crc32c.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
@@ -16,19 +15,13 @@ using leadline::base::Status;
 using leadline::firmware::kPageHeader_bytes;
 using leadline::firmware::PageDevice;
 using leadline::firmware::PageStore;
+using leadline::fuzz::require;
 
 constexpr std::uint32_t kPayload_bytes = 16;
 constexpr std::uint32_t kSlot_bytes = kPageHeader_bytes + kPayload_bytes;
 constexpr std::uint32_t kPayloadCrcAt = 32;
 constexpr std::uint32_t kTiles = 4;
 constexpr std::uint32_t kLayout = 0x31323334;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 struct Medium {
   std::vector<std::uint8_t> bytes;

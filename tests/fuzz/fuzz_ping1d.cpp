@@ -1,22 +1,17 @@
 // A Ping1D's bytes, cut at will, with requests in between: whatever the codec delivers is a ping that the
 // model may take, its counters account for every byte, and it never asks while an answer is due.
 #include <cstdint>
-#include <cstdlib>
 
 #include "hal/heads/ping1d.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
 using leadline::base::Ping;
 using leadline::base::ReturnKind;
+using leadline::fuzz::require;
 using leadline::hal::Ping1dCodec;
 using leadline::hal::Ping1dConfig;
-
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
 
 std::uint32_t g_sum = 0;  // read, so that a bad span is seen
 

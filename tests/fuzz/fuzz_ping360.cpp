@@ -1,22 +1,17 @@
 // A Ping360's bytes, cut at will, with requests in between: every profile is whole and within the range
 // asked for, the counters account for every byte, and it never asks while an answer is due.
 #include <cstdint>
-#include <cstdlib>
 
 #include "hal/heads/ping360.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
 using leadline::base::Ping;
 using leadline::base::ReturnKind;
+using leadline::fuzz::require;
 using leadline::hal::Ping360Codec;
 using leadline::hal::Ping360Config;
-
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
 
 std::uint32_t g_sum = 0;  // read, so that a bad span is seen
 

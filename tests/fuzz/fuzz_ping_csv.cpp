@@ -5,17 +5,17 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/ping_csv.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
+using leadline::fuzz::require;
 using leadline::host::ExitCode;
 using leadline::host::HostError;
 using leadline::host::PingCsvOptions;
@@ -25,13 +25,6 @@ using leadline::host::PingRow;
 
 constexpr std::string_view kHeader =
     "time_us,x_m,y_m,z_m,roll_deg,pitch_deg,heading_deg,beam_az_deg,beam_el_deg,range_m\n";
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 struct Outcome {
   std::vector<PingRow> rows;

@@ -1,19 +1,14 @@
 // An R2Sonic head's bytes, cut at will: every beam is within its limits and every byte accounted for.
 #include <cstdint>
-#include <cstdlib>
 
 #include "hal/heads/r2sonic.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
 using leadline::base::Ping;
+using leadline::fuzz::require;
 using leadline::hal::R2SonicCodec;
-
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
 
 }  // namespace
 

@@ -3,17 +3,18 @@
 // than the file has but where text stands for frames, and what it gives lives in the driver's codec and makes records
 // that can be printed.
 #include <cstdint>
-#include <cstdlib>
 #include <memory>
 
 #include "hal/can_frame.hpp"
 #include "host_tools/decode/decoder.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/import/recording.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
 using leadline::firmware::Driver;
+using leadline::fuzz::require;
 using leadline::host::ByteSource;
 using leadline::host::Decoder;
 using leadline::host::RecordedBytes;
@@ -29,12 +30,6 @@ constexpr Driver kLines[] = {Driver::kNmea, Driver::kTss1, Driver::kVectornav, D
 Driver driver_of(std::uint8_t choice) {
   return choice < 0xF0 ? kDrivers[choice % std::size(kDrivers)]
                        : kLines[choice % std::size(kLines)];
-}
-
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
 }
 
 void read_all(Recording& recording, Driver driver, std::size_t size) {

@@ -6,8 +6,6 @@
 // length, the new bytes; repeated), with a CRC that matches: a fuzzer does not find a CRC by
 // itself.
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <string_view>
@@ -16,20 +14,15 @@
 #include "host_tools/table/generator.hpp"
 #include "host_tools/table/table_io.hpp"
 #include "model/localization_table.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
 using leadline::base::Status;
+using leadline::fuzz::require;
 using leadline::model::check_table;
 using leadline::model::LocalizationTable;
 using leadline::model::table_crc;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 /// Everything that an integrator computes from a table, with the widest inputs.
 void read_like_an_integrator(const LocalizationTable& table) {

@@ -3,8 +3,6 @@
 // from its own text; tide points ascend; a configuration that was migrated is of the newest version, with nothing left
 // to change.
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 
@@ -19,17 +17,12 @@
 #include "firmware/keys/command_key.hpp"
 #include "firmware/keys/counter_file.hpp"
 #include "hal/linux/uri.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
+using leadline::fuzz::require;
 using leadline::host::HostError;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 /// Names of files may be in any script: what is above ASCII passes.
 void require_no_controls(std::string_view message) {

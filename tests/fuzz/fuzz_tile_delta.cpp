@@ -3,22 +3,18 @@
 // encoded, cut over packets of any room, comes back.
 #include <array>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <vector>
 
 #include "proto/framing.hpp"
 #include "proto/tile_coder.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
-using namespace leadline::proto;  // NOLINT: every name of the header is under test
+using leadline::fuzz::require;
 
-void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
+using namespace leadline::proto;  // NOLINT: every name of the header is under test
 
 void decode_any(const std::uint8_t* data, std::size_t size) {
   TilePacketDecoder packet;

@@ -6,8 +6,6 @@
 // cycle. Sizes and checksums inside blob and block are put right first: a fuzzer does not find a CRC by itself.
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <vector>
@@ -21,24 +19,19 @@
 #include "model/base/crc32c.hpp"
 #include "model/localization_table.hpp"
 #include "proto/log.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
 using namespace leadline::firmware;  // NOLINT: its names are what is under test
 using leadline::base::Status;
 using leadline::base::TimeUs;
+using leadline::fuzz::require;
 using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::int64_t kMostVoxels = 1 << 18;  // of one flight, for the fuzzer's speed
 constexpr std::uint32_t kMostCycles = 64;
 constexpr std::uint8_t kCycleMark = 0xF0;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 void put_u32(Bytes* bytes, std::size_t at, std::uint32_t value) {
   for (std::size_t i = 0; i < 4; ++i) {

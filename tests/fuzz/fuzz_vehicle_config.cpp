@@ -3,31 +3,25 @@
 // written as the resolved configuration reads back to the same values.
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/pipeline/sound_path.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace {
 
 using leadline::firmware::Driver;
 using leadline::firmware::VehicleConfig;
+using leadline::fuzz::require;
 using leadline::host::ExitCode;
 using leadline::host::HostError;
 using leadline::host::parse_vehicle_file;
 using leadline::host::vehicle_file_to_json;
 using leadline::host::vehicle_file_to_toml;
 using leadline::host::VehicleFile;
-
-void require(bool condition, const char* what) {
-  if (!condition) {
-    std::fprintf(stderr, "broken promise: %s\n", what);
-    std::abort();
-  }
-}
 
 void check_ports(const VehicleFile& file) {
   const VehicleConfig& config = file.config;
@@ -88,11 +82,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     file = parse_vehicle_file(text, "f.toml", "");
   } catch (const HostError& error) {
     require(error.code() == ExitCode::kUsage, "only configuration errors");
-    const std::string message = error.what();
-    require(message.rfind("f.toml", 0) == 0, "messages name the file");
-    for (const char c : message) {
-      require(c == '\n' || (c >= 0x20 && c < 0x7F), "messages are printable");
-    }
+    leadline::fuzz::require_message(error.what(), "f.toml");
     return 0;
   }
   check(file);

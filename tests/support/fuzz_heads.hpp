@@ -3,19 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 
 #include "hal/codec.hpp"
 #include "model/base/nav_sample.hpp"
 #include "model/base/ping.hpp"
+#include "tests/support/fuzz_require.hpp"
 
 namespace leadline::fuzz {
-
-inline void require(bool condition) {
-  if (!condition) {
-    std::abort();
-  }
-}
 
 inline std::uint32_t g_sum = 0;  // read, so that a bad span is seen
 

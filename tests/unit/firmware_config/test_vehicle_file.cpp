@@ -6,6 +6,7 @@
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/pipeline/driver_codecs.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -21,6 +22,7 @@ using leadline::host::vehicle_example;
 using leadline::host::vehicle_file_to_json;
 using leadline::host::vehicle_file_to_toml;
 using leadline::host::VehicleFile;
+using leadline::test::assert_contains;
 
 const std::string kGrid = "[grid]\ncell_mm = 1000\nsize = [64, 64, 32]\norigin_mm = [0, 0, 0]\n";
 const std::string kMount = "[[mount]]\nname = \"down\"\ntable = \"beam.llt\"\n";
@@ -44,12 +46,6 @@ std::string error_of(const std::string& text) {
     fail_msg("accepted:\n%s", text.c_str());
   }
   return message;
-}
-
-void assert_contains(const std::string& message, const std::string& part) {
-  if (message.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), message.c_str());
-  }
 }
 
 TEST(the_smallest_file_gets_the_documented_defaults) {

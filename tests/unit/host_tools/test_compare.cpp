@@ -6,6 +6,7 @@
 
 #include "host_tools/compare.hpp"
 #include "host_tools/exit_codes.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -16,31 +17,12 @@ using leadline::host::compare_rasters;
 using leadline::host::CompareOptions;
 using leadline::host::Comparison;
 using leadline::host::ExitCode;
-using leadline::host::HostError;
 using leadline::host::kNoValue;
 using leadline::host::make_raster;
 using leadline::host::Raster;
 using leadline::host::run_compare;
-
-template <typename Action>
-std::string error_of(ExitCode code, const Action& action) {
-  std::string message = "(no error)";
-  ExitCode found = ExitCode::kOk;
-  try {
-    action();
-  } catch (const HostError& error) {
-    message = error.what();
-    found = error.code();
-  }
-  assert_int_equal(found, code);
-  return message;
-}
-
-void assert_contains(const std::string& text, const std::string& part) {
-  if (text.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), text.c_str());
-  }
-}
+using leadline::test::assert_contains;
+using leadline::test::error_of;
 
 TEST(figures_worked_by_hand) {
   // Cells of 2 m. Elevations: the estimate is 1 m deeper, 1 m shallower, 3 m deeper, unknown; one cell

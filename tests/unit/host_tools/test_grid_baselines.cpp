@@ -8,6 +8,7 @@
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/geotiff.hpp"
 #include "host_tools/grid_baselines.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -20,13 +21,14 @@ using leadline::host::best_baseline;
 using leadline::host::Comparison;
 using leadline::host::ExitCode;
 using leadline::host::GridOptions;
-using leadline::host::HostError;
 using leadline::host::make_raster;
 using leadline::host::on_axis_sounding;
 using leadline::host::PingRow;
 using leadline::host::Raster;
 using leadline::host::Sounding;
 using leadline::host::SoundingBins;
+using leadline::test::assert_contains;
+using leadline::test::error_of;
 
 constexpr double kLsbPerDeg = 4294967296.0 / 360.0;
 
@@ -54,26 +56,6 @@ void assert_offset(const PingRow& row, double north_m, double east_m, double dow
   assert_near(sounding->north_m - 1.0, north_m, 1e-6);
   assert_near(sounding->east_m - 2.0, east_m, 1e-6);
   assert_near(sounding->depth_m - 3.0, down_m, 1e-6);
-}
-
-template <typename Action>
-std::string error_of(ExitCode code, const Action& action) {
-  std::string message = "(no error)";
-  ExitCode found = ExitCode::kOk;
-  try {
-    action();
-  } catch (const HostError& error) {
-    message = error.what();
-    found = error.code();
-  }
-  assert_int_equal(found, code);
-  return message;
-}
-
-void assert_contains(const std::string& text, const std::string& part) {
-  if (text.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), text.c_str());
-  }
 }
 
 TEST(beam_directions_follow_the_contract) {

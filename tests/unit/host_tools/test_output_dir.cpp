@@ -10,6 +10,7 @@
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/output_dir.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -21,6 +22,7 @@ using leadline::host::HostError;
 using leadline::host::OutputDir;
 using leadline::host::OutputFile;
 using leadline::host::write_file_whole;
+using leadline::test::assert_contains;
 
 std::string content_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -45,12 +47,6 @@ std::string output_error(const Action& action) {
   }
   assert_int_equal(code, ExitCode::kOutput);
   return message;
-}
-
-void assert_contains(const std::string& text, const std::string& part) {
-  if (text.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), text.c_str());
-  }
 }
 
 TEST(results_appear_together_and_only_at_commit) {

@@ -8,6 +8,7 @@
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/ping_csv.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -24,6 +25,7 @@ using leadline::host::PingCsvReader;
 using leadline::host::PingCsvStats;
 using leadline::host::PingRow;
 using leadline::host::read_ping_csv;
+using leadline::test::assert_contains;
 using leadline::test::Random;
 
 __extension__ typedef __int128 Int128;  // NOLINT: a typedef takes the extension mark
@@ -74,12 +76,6 @@ Outcome read(const std::string& text, bool strict = false) {
     outcome.stats = reader->stats();
   }
   return outcome;
-}
-
-void assert_contains(const std::string& text, const std::string& part) {
-  if (text.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), text.c_str());
-  }
 }
 
 std::int64_t scaled(const std::string& text, int digits = 6) {

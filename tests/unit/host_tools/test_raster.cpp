@@ -10,6 +10,7 @@
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/geotiff.hpp"
 #include "host_tools/raster.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -19,36 +20,16 @@ namespace fs = std::filesystem;
 using leadline::host::ExitCode;
 using leadline::host::GeoReference;
 using leadline::host::GeoTiffContent;
-using leadline::host::HostError;
 using leadline::host::kNoValue;
 using leadline::host::make_raster;
 using leadline::host::parse_esri_ascii;
 using leadline::host::Raster;
+using leadline::test::assert_contains;
+using leadline::test::error_of;
 
 std::string content_of(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
-}
-
-/// Message of the error that `action` must raise with this code.
-template <typename Action>
-std::string error_of(ExitCode code, const Action& action) {
-  std::string message = "(no error)";
-  ExitCode found = ExitCode::kOk;
-  try {
-    action();
-  } catch (const HostError& error) {
-    message = error.what();
-    found = error.code();
-  }
-  assert_int_equal(found, code);
-  return message;
-}
-
-void assert_contains(const std::string& text, const std::string& part) {
-  if (text.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), text.c_str());
-  }
 }
 
 void assert_rejected(const std::string& text, const std::string& part) {

@@ -17,6 +17,7 @@
 #include "host_tools/render/figure.hpp"
 #include "host_tools/render/render.hpp"
 #include "host_tools/render/surface.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -25,36 +26,17 @@ namespace fs = std::filesystem;
 namespace render = leadline::host::render;
 
 using leadline::host::ExitCode;
-using leadline::host::HostError;
 using leadline::host::kNoValue;
 using leadline::host::make_raster;
 using leadline::host::Raster;
+using leadline::test::assert_contains;
+using leadline::test::error_of;
 using render::Colour;
 using render::ColourMap;
 using render::OkLab;
 using render::PictureOptions;
 using render::VoxelAxis;
 using render::VoxelField;
-
-template <typename Action>
-std::string error_of(ExitCode code, const Action& action) {
-  std::string message = "(no error)";
-  ExitCode found = ExitCode::kOk;
-  try {
-    action();
-  } catch (const HostError& error) {
-    message = error.what();
-    found = error.code();
-  }
-  assert_int_equal(found, code);
-  return message;
-}
-
-void assert_contains(const std::string& text, const std::string& part) {
-  if (text.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), text.c_str());
-  }
-}
 
 /// A PNG read back through cairo.
 struct Picture {

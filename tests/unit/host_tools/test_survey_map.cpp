@@ -5,6 +5,7 @@
 #include "host_tools/model_file.hpp"
 #include "host_tools/survey_map.hpp"
 #include "model/capacity.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -24,6 +25,7 @@ using leadline::host::row_to_records;
 using leadline::host::SavedModel;
 using leadline::host::SurveyMap;
 using leadline::host::SurveyMapCounters;
+using leadline::test::assert_contains;
 
 MapConfig config_of(const std::string& size = "[16, 12, 8]", const std::string& sonar = "") {
   return parse_map_config(
@@ -59,12 +61,6 @@ std::string usage_error(const MapConfig& config, std::uint32_t budget = 0) {
   assert_int_equal(code, ExitCode::kUsage);
   assert_true(message.find("c.toml: ") == 0);
   return message;
-}
-
-void assert_contains(const std::string& text, const std::string& part) {
-  if (text.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), text.c_str());
-  }
 }
 
 TEST(a_row_becomes_the_records_of_the_vehicle) {

@@ -25,6 +25,7 @@
 #include "host_tools/table/run_table.hpp"
 #include "host_tools/table/table_io.hpp"
 #include "host_tools/table/table_math.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -42,7 +43,6 @@ using leadline::host::ExitCode;
 using leadline::host::FirstReturn;
 using leadline::host::generate_table;
 using leadline::host::GeneratedTable;
-using leadline::host::HostError;
 using leadline::host::load_pattern;
 using leadline::host::load_table;
 using leadline::host::parse_map_config;
@@ -54,6 +54,8 @@ using leadline::host::save_table;
 using leadline::host::table_to_json;
 using leadline::host::table_to_text;
 using leadline::host::TableOptions;
+using leadline::test::assert_contains;
+using leadline::test::error_of;
 using leadline::test::Random;
 using model::LocalizationTable;
 
@@ -274,29 +276,6 @@ double stored_excess(const LocalizationTable& table, std::size_t axis, double po
   const double left = table.first_return[axis][k].excess_q30;
   const double right = table.first_return[axis][k + 1].excess_q30;
   return (left + (position - k) * (right - left)) * 0x1.0p-30;
-}
-
-template <typename Action>
-std::string error_of(ExitCode code, const Action& action) {
-  std::string message = "(no error)";
-  ExitCode found = ExitCode::kOk;
-  try {
-    action();
-  } catch (const HostError& error) {
-    message = error.what();
-    found = error.code();
-  }
-  if (found != code) {
-    print_message("%s\n", message.c_str());
-  }
-  assert_int_equal(found, code);
-  return message;
-}
-
-void assert_contains(const std::string& text, const std::string& part) {
-  if (text.find(part) == std::string::npos) {
-    fail_msg("\"%s\" is not in \"%s\"", part.c_str(), text.c_str());
-  }
 }
 
 std::string pattern_error(const std::string& text) {
