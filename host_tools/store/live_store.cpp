@@ -17,7 +17,16 @@ LiveStore::LiveStore(const std::string& path, std::function<void(const std::stri
     : keeper_(path), say_(std::move(say)) {}
 
 void LiveStore::begin(TileStore* map) {
-  const StoreLoad load = keeper_.begin(map);
+  unusable_.clear();
+  StoreLoad load;
+  try {
+    load = keeper_.begin(map);
+  } catch (const HostError& error) {
+    // Written over, what it has of this map would be lost.
+    unusable_ = error.what();
+    say_("error: " + unusable_ + ". This map is not kept");
+    return;
+  }
   if (load.tiles > 0) {
     say_("resumed from " + keeper_.path() + ": " + std::to_string(load.tiles) + " tiles, " +
          std::to_string(map->known_cells()) + " cells known");
@@ -30,7 +39,7 @@ void LiveStore::begin(TileStore* map) {
 
 void LiveStore::end(const TileStore& ended) {
   keep(ended);
-  lost_ = lost_ || !works_;
+  lost_ = lost_ || !works_ || !unusable_.empty();
 }
 
 void LiveStore::follow(const TileStore& map, double now_s) {
@@ -43,6 +52,9 @@ void LiveStore::follow(const TileStore& map, double now_s) {
 void LiveStore::keep(const TileStore& map) { keep(map, SurveyStore::kPatience_ms); }
 
 void LiveStore::keep(const TileStore& map, int patience_ms) {
+  if (!unusable_.empty()) {
+    return;
+  }
   const bool kept = keeper_.save(map, patience_ms);
   if (!kept && works_) {
     say_("error: the store is behind: " + keeper_.problem());
@@ -53,6 +65,9 @@ void LiveStore::keep(const TileStore& map, int patience_ms) {
 }
 
 void LiveStore::require_whole() const {
+  if (!unusable_.empty()) {
+    throw HostError(ExitCode::kOutput, unusable_);
+  }
   if (!works_ || lost_) {
     throw HostError(ExitCode::kOutput, works_
                                            ? keeper_.path() + ": an earlier map is not whole in it"

@@ -14,7 +14,7 @@ class LiveStore {
   /// `say` takes lines for the user. Throws as StoreKeeper does.
   LiveStore(const std::string& path, std::function<void(const std::string&)> say);
 
-  /// A map begins: what the store has of it comes back.
+  /// A map begins: what the store has of it comes back. A store that cannot be read is said, and left as it is.
   void begin(TileStore* map);
   /// A map ended that another one replaces.
   void end(const TileStore& ended);
@@ -31,7 +31,8 @@ class LiveStore {
   StoreKeeper keeper_;
   std::function<void(const std::string&)> say_;
   bool works_ = true;
-  bool lost_ = false;  ///< a map ended that is not whole in the store
+  std::string unusable_;  ///< why nothing of this map is kept
+  bool lost_ = false;     ///< a map ended that is not whole in the store
   double kept_s_ = 0.0;
 };
 

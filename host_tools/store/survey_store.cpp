@@ -3,6 +3,7 @@
 #include <charconv>
 #include <chrono>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <utility>
 
@@ -86,6 +87,43 @@ std::uint32_t tile_crc(std::uint32_t tile, std::uint32_t generation, std::uint32
   return base::crc32c(disputed.data(), disputed.size(), crc);
 }
 
+/// What went wrong last, in words for whoever wants his map.
+std::string reason_of(sqlite3* database) {
+  const int system_error = sqlite3_system_errno(database);
+  switch (sqlite3_errcode(database)) {
+    case SQLITE_CORRUPT:
+      return "the file is damaged: take another one for what comes; what is left in it comes out "
+             "with "
+             "\"sqlite3 FILE .recover | sqlite3 NEW\"";
+    case SQLITE_NOTADB:
+      return "no store of surveys";
+    case SQLITE_READONLY:
+      return "the file or its folder cannot be written";
+    case SQLITE_BUSY:
+      return "another program is writing to it";
+    case SQLITE_CANTOPEN:
+      return std::string("cannot be opened") +
+             (system_error != 0 ? std::string(": ") + std::strerror(system_error) : "");
+    default:
+      return sqlite3_errmsg(database);
+  }
+}
+
+/// `path` as SQLite's URI of a file that nobody changes.
+std::string unchanging_uri(const std::string& path) {
+  constexpr const char* kDigits = "0123456789ABCDEF";
+  std::string uri = "file:";
+  for (const char character : path) {
+    const auto byte = static_cast<unsigned char>(character);
+    if (byte < 0x21 || byte > 0x7E || character == '%' || character == '?' || character == '#') {
+      uri += {'%', kDigits[byte >> 4U], kDigits[byte & 15U]};
+    } else {
+      uri += character;
+    }
+  }
+  return uri + "?immutable=1";
+}
+
 }  // namespace
 
 void SurveyStore::CloseDatabase::operator()(sqlite3* database) const { sqlite3_close(database); }
@@ -146,7 +184,7 @@ class SurveyStore::Statement {
     return *this;
   }
   [[noreturn]] void fail() {
-    const std::string reason = sqlite3_errmsg(store_.database_.get());
+    const std::string reason = store_.reason();
     // A constructor that throws runs no destructor.
     sqlite3_finalize(std::exchange(statement_, nullptr));
     store_.fail(reason);
@@ -185,27 +223,21 @@ void SurveyStore::fail(const std::string& what) const {
 
 void SurveyStore::execute(const char* sql) const {
   if (sqlite3_exec(database_.get(), sql, nullptr, nullptr, nullptr) != SQLITE_OK) {
-    fail(sqlite3_errmsg(database_.get()));
+    fail(reason());
   }
 }
 
+std::string SurveyStore::reason() const { return reason_of(database_.get()); }
+
 SurveyStore::SurveyStore(const std::string& path, Access access)
     : path_(path), writes_(access == Access::kWrite) {
-  sqlite3* opened = nullptr;
   // Readers open for writing where they may: they then see what a killed writer has left in its log.
-  const int flags = SQLITE_OPEN_READWRITE | (writes_ ? SQLITE_OPEN_CREATE : 0);
-  int result = sqlite3_open_v2(path.c_str(), &opened, flags, nullptr);
-  database_.reset(opened);
-  if (result != SQLITE_OK && !writes_) {
-    result = sqlite3_open_v2(path.c_str(), &opened, SQLITE_OPEN_READONLY, nullptr);
-    database_.reset(opened);
-  }
-  if (result != SQLITE_OK) {
-    fail(opened == nullptr ? "out of memory" : sqlite3_errmsg(opened));
-  }
+  open(path, SQLITE_OPEN_READWRITE | (writes_ ? SQLITE_OPEN_CREATE : 0));
   set_patience(kPatience_ms);
   if (writes_) {
     create();
+  } else {
+    open_unchanging();
   }
   check_format();
   if (writes_) {
@@ -215,6 +247,33 @@ SurveyStore::SurveyStore(const std::string& path, Access access)
 }
 
 SurveyStore::~SurveyStore() = default;
+
+void SurveyStore::open(const std::string& name, int flags) {
+  sqlite3* opened = nullptr;
+  const int result = sqlite3_open_v2(name.c_str(), &opened, flags, nullptr);
+  database_.reset(opened);
+  if (result != SQLITE_OK) {
+    fail(opened == nullptr ? "out of memory" : reason());
+  }
+}
+
+// To look into a write-ahead log's database takes a file beside it. Where none can be made (a read-only folder) and no
+// log is left to look into, the file is read as it is.
+void SurveyStore::open_unchanging() {
+  const int result = sqlite3_exec(database_.get(), "SELECT COUNT(*) FROM sqlite_master", nullptr,
+                                  nullptr, nullptr);
+  if (result != SQLITE_READONLY && result != SQLITE_CANTOPEN) {
+    return;
+  }
+  std::error_code none;
+  const std::uintmax_t left_bytes = std::filesystem::file_size(path_ + "-wal", none);
+  if (!none && left_bytes > 0) {
+    fail("its last saves are in " + path_ +
+         "-wal, and the folder cannot be written: copy both to "
+         "where it can");
+  }
+  open(unchanging_uri(path_), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
+}
 
 void SurveyStore::set_patience(int wait_ms) { sqlite3_busy_timeout(database_.get(), wait_ms); }
 

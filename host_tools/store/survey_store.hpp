@@ -53,7 +53,7 @@ struct StoreLoad {
 class SurveyStore {
  public:
   enum class Access : std::uint8_t {
-    kRead,
+    kRead,   ///< also in a folder that cannot be written
     kWrite,  ///< creates the file where there is none
   };
   static constexpr int kPatience_ms = 5000;
@@ -91,7 +91,10 @@ class SurveyStore {
  private:
   class Statement;
   class Transaction;
+  void open(const std::string& name, int flags);
+  void open_unchanging();
   void execute(const char* sql) const;
+  [[nodiscard]] std::string reason() const;
   void create();
   void check_format();
   [[nodiscard]] std::optional<std::int64_t> number_of(const proto::Hello& hello) const;

@@ -6,10 +6,14 @@
 #include <string>
 #include <vector>
 
+#include <linux/capability.h>
 #include <sqlite3.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/export/map_source.hpp"
+#include "host_tools/store/live_store.hpp"
 #include "host_tools/store/survey_store.hpp"
 #include "tests/support/test.hpp"
 
@@ -282,6 +286,118 @@ TEST(what_is_no_store_is_refused) {
                    SQLITE_OK);
   sqlite3_close(database);
   assert_refused(ExitCode::kInput, folder + "/new.lls", SurveyStore::Access::kRead, "newer");
+}
+
+/// While it lives, root may write only what it owns and has the right to.
+class NoPrivileges {
+ public:
+  NoPrivileges() {
+    assert_int_equal(::syscall(SYS_capget, &header_, held_), 0);
+    __user_cap_data_struct none[2] = {held_[0], held_[1]};
+    none[0].effective = none[1].effective = 0;
+    assert_int_equal(::syscall(SYS_capset, &header_, none), 0);
+  }
+  ~NoPrivileges() { (void)::syscall(SYS_capset, &header_, held_); }
+  NoPrivileges(const NoPrivileges&) = delete;
+  NoPrivileges& operator=(const NoPrivileges&) = delete;
+
+ private:
+  __user_cap_header_struct header_{_LINUX_CAPABILITY_VERSION_3, 0};
+  __user_cap_data_struct held_[2] = {};
+};
+
+TEST(a_store_that_nobody_may_write_is_read) {
+  const std::string folder = leadline::test::scratch_directory() + "/read #1 only";
+  assert_true(fs::create_directory(folder));
+  const std::string path = folder + "/s?.lls";
+  Random random(8);
+  TileStore map(grid());
+  change(&map, &random);
+  { (void)SurveyStore(path, SurveyStore::Access::kWrite).save(map, 0); }
+  fs::permissions(path, fs::perms::owner_read);
+  fs::permissions(folder, fs::perms::owner_read | fs::perms::owner_exec);
+  std::uint64_t hash = 0;
+  std::string why;
+  {
+    const NoPrivileges none;
+    try {
+      hash = stored_hash(path);
+      const SurveyStore store(path, SurveyStore::Access::kWrite);
+    } catch (const HostError& error) {
+      why = error.what();
+    }
+  }
+  fs::permissions(folder, fs::perms::owner_all);
+  assert_true(hash == map.cells_hash());
+  assert_true(why.find("cannot be written") != std::string::npos);
+}
+
+TEST(a_damaged_store_costs_the_store_only) {
+  const std::string path = leadline::test::scratch_directory() + "/s.lls";
+  Random random(10);
+  TileStore map(grid());
+  for (int k = 0; k < 8; ++k) {
+    change(&map, &random);
+  }
+  { (void)SurveyStore(path, SurveyStore::Access::kWrite).save(map, 0); }
+  {
+    // Behind the first pages, which say what the tables are.
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(4 * 4096);
+    file << std::string(4 * 4096, '\x55');
+  }
+  const auto read = [&path] {
+    std::ifstream file(path, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  const std::string before = read();
+  std::string said;
+  leadline::host::LiveStore store(path, [&said](const std::string& text) { said += text; });
+  TileStore live(grid());
+  store.begin(&live);
+  assert_true(said.find("error") != std::string::npos && said.find("damaged") != std::string::npos);
+  change(&live, &random);
+  store.follow(live, 10.0);
+  store.keep(live);
+  assert_true(read() == before);
+  try {
+    store.require_whole();
+    fail_msg("nothing was said at the end");
+  } catch (const HostError& error) {
+    assert_int_equal(static_cast<int>(error.code()), static_cast<int>(ExitCode::kOutput));
+  }
+  // Another map finds its place in it, or says why not: the program goes on.
+  store.end(live);
+  TileStore other(grid(8));
+  store.begin(&other);
+  store.follow(other, 20.0);
+}
+
+TEST(a_live_store_that_is_behind_catches_up) {
+  const std::string path = leadline::test::scratch_directory() + "/s.lls";
+  Random random(13);
+  std::vector<std::string> said;
+  leadline::host::LiveStore store(path, [&said](const std::string& text) { said.push_back(text); });
+  TileStore map(grid());
+  store.begin(&map);
+  sqlite3* other = nullptr;
+  assert_int_equal(sqlite3_open(path.c_str(), &other), SQLITE_OK);
+  assert_int_equal(sqlite3_exec(other, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  for (int second = 1; second <= 3; ++second) {
+    change(&map, &random);
+    store.follow(map, second);
+  }
+  assert_int_equal(said.size(), 1);
+  assert_true(said[0].find("another program is writing") != std::string::npos);
+  sqlite3_exec(other, "ROLLBACK", nullptr, nullptr, nullptr);
+  sqlite3_close(other);
+  store.follow(map, 3.5);  // not yet
+  assert_int_equal(said.size(), 1);
+  store.follow(map, 4.0);
+  assert_int_equal(said.size(), 2);
+  assert_true(said[1].find("caught up") != std::string::npos);
+  store.require_whole();
+  assert_true(stored_hash(path) == map.cells_hash());
 }
 
 // ---- Power cuts -----------------------------------------------------------------------------------
