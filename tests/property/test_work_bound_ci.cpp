@@ -324,7 +324,7 @@ struct InstructionCosts {
   double shell_column = 66;
   double shell_voxel = 14.5;
   double cone_row = 680;
-  double cone_candidate = 230;
+  double cone_candidate = 245;
   double cone_column = 30;
   double cone_run = 112;
   double cone_voxel = 4.2;

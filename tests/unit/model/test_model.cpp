@@ -1070,6 +1070,34 @@ TEST(correlated_sigma_is_a_floor_that_is_not_averaged) {
   assert_near(most, 0.3 * 5.0, 0.35);
 }
 
+TEST(a_correlated_sigma_on_a_cliff_grows_to_its_limit_and_never_wraps) {
+  // A plane that falls by fifteen cells a cell, as it would stand in the voxels.
+  constexpr std::int32_t kFall_cells = 15;
+  const LocalizationTable table = plain_table(PlainBeam{});
+  const auto sigma_cells = [&table](std::int64_t correlated_mm) {
+    ModelConfig config = plain_config(12, 12, 200);
+    config.sigma_correlated_mm[0] = correlated_mm;
+    configure(model, config, table);
+    for (std::int32_t n = 0; n < 12; ++n) {
+      for (std::int32_t e = 0; e < 12; ++e) {
+        model.grid().column_voxels(model.grid().column_index(n, e))[10 + kFall_cells * n].hit =
+            20'000;
+      }
+    }
+    model.extract();
+    const std::int32_t fall_q8 = model.result(8, 6).depth_q8 - model.result(4, 6).depth_q8;
+    assert_near(fall_q8 / 256.0, 4.0 * kFall_cells, 0.1);
+    return model.result(6, 6).sigma_q12 / 4096.0;
+  };
+  const double own = sigma_cells(1);
+  // Exact up to eight cells, with fewer bits beyond, cut at 512.
+  for (const std::int64_t cells : {1, 4, 8, 9, 60, 511, 512, 600, 2'000, 100'000}) {
+    const double expected =
+        std::hypot(own, kFall_cells * std::min(512.0, static_cast<double>(cells)));
+    assert_near(sigma_cells(cells * 1000), expected, 0.002 * expected);
+  }
+}
+
 TEST(odd_grids_are_no_special_case) {
   // Lines, single columns, single layers: pings over them fuse, extraction stands.
   const LocalizationTable table = plain_table(PlainBeam{});
