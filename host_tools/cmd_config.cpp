@@ -30,6 +30,12 @@ void add_config_command(CLI::App* app, CommandRun* run) {
       ->add_option("--session", options->session,
                    "Number of the session: another one for every survey begun anew")
       ->capture_default_str();
+  compile
+      ->add_option("--beams", options->beams,
+                   "Beams of a transmission of heads that have many, for the estimate of the load; "
+                   "default: as many "
+                   "as the driver takes")
+      ->check(CLI::Range(1, 16384));
   compile->callback([options, run] { *run = [options] { return run_config_compile(*options); }; });
 
   CLI::App* const show = command->add_subcommand("show", "What a block says");
@@ -51,10 +57,13 @@ void add_config_command(CLI::App* app, CommandRun* run) {
   migrate->callback([options, run] { *run = [options] { return run_config_migrate(*options); }; });
 
   command->footer(
-      "compile and migrate write nothing that a vehicle would refuse. migrate keeps comments, "
-      "order "
-      "and\n"
-      "layout, says every change, and stops at keys that it does not know.\n\n"
+      "compile and migrate write nothing that a vehicle would refuse. compile makes depths in "
+      "passes where [cycle] does\n"
+      "not say otherwise (extract_interval_s = 1.5, tile_budget = 1): what a Cortex-M7 can carry; "
+      "it says so, says what the\n"
+      "whole comes to by estimate, and warns where that is too much. migrate keeps comments, order "
+      "and layout, says\n"
+      "every change, and stops at keys that it does not know.\n\n"
       "Examples:\n"
       "  leadline config compile vehicle.toml --out vehicle.llb && leadline config show "
       "vehicle.llb\n"

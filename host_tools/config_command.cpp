@@ -5,6 +5,7 @@
 
 #include "firmware/config/block_file.hpp"
 #include "firmware/config/input_file.hpp"
+#include "firmware/config/m7_load.hpp"
 #include "firmware/config/migrate.hpp"
 #include "firmware/config/toml_reader.hpp"
 #include "firmware/config/vehicle_file.hpp"
@@ -46,10 +47,22 @@ std::string migrated_block(const std::string& bytes, const std::string& name) {
 int run_config_compile(const ConfigOptions& options) {
   VehicleFile file = load_vehicle_file(options.path);
   const std::vector<model::LocalizationTable> tables = load_tables(&file);
+  const std::vector<std::string> chosen = set_m7_defaults(&file);
   const std::string block = compile_block(file, tables, options.session, options.path);
   const BlockFile made = parse_block(block, options.path);
   try_vehicle(made.block.config, made.block.tables, made.block.table_count, options.path);
   write_file_whole(options.out_path, block);
+  for (const std::string& key : chosen) {
+    std::cerr << options.path << ": [cycle] " << key
+              << ", since the file does not say (a program on Linux has another default)\n";
+  }
+  const M7Load load = m7_load(file.config, file.cycle_us, tables, options.beams);
+  std::cerr << options.path << ": " << m7_load_text(load) << "\n";
+  const std::string warning =
+      m7_load_warning(file.config, file.cycle_us, tables, options.beams, load);
+  if (!warning.empty()) {
+    std::cerr << options.path << ": warning: " << warning << "\n";
+  }
   return static_cast<int>(ExitCode::kOk);
 }
 

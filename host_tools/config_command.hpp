@@ -12,6 +12,7 @@ struct ConfigOptions {
   std::string out_path;       ///< "-" = standard output
   std::int64_t from = -1;     ///< migrate: version of a file that says none; -1: the newest
   std::uint32_t session = 1;  ///< compile
+  int beams = 0;              ///< compile: see m7_load()
   bool json = false;
 };
 

@@ -72,7 +72,7 @@ pace=()
 [ "$live" -eq 0 ] || pace=(--speed "${speed:-10}")
 case $target in
   native) link=udp:@127.0.0.1:0 out=${out:-$root/out/demo} ;;
-  m7) link=tcp:@127.0.0.1:0 out=${out:-$root/out/demo-m7} mission+=(--set one_nmea_line=true) ;;
+  m7) link=tcp:@127.0.0.1:0 out=${out:-$root/out/demo-m7} mission+=(--set one_nmea_line=true --set extract_interval_s=1.5) ;;
   *) usage_error "unknown target $target" ;;
 esac
 [ "$target" = native ] || [ "$live" -eq 0 ] || usage_error "--live goes with --target native"

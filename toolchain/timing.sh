@@ -67,7 +67,8 @@ measure() {
 cycles() {
   local name path
   "$root/build/release/tests/cycle_jobs" "$out" >"$out/cycle_jobs.txt"
-  for name in ping1d fan16 ping1d-pass fan16-pass; do
+  cat "$out/cycle_jobs.txt"
+  for name in $(awk '$2 == "seconds" && $1 !~ /-once$/ {print $1}' "$out/cycle_jobs.txt"); do
     path="$out/$name.lll"
     m7_run "$root/build/cortex-m7/firmware/leadline-m7-replay.elf" "arg=replay,arg=${path//,/,,}" >"$out/$name.cycles" ||
       die "the board does not replay $path: $(cat "$out/$name.cycles")"
@@ -151,7 +152,7 @@ case $mode in
       awk -v name="worst found, $head" "$summary" "$out/$head.lines"
     done
     awk '$1 == "loop" {printf "loop over %s runs: %.2f instructions a voxel, minimal %.2f, ratio %.2f\n", $2, $4 / $8, $6 / $8, $4 / $6}
-      $1 == "extract" {printf "extraction: %.0f instructions a column\n", $3 / $9}
+      $1 == "extract" {printf "extraction: a column %s: %.0f instructions\n", $2, $4 / $6}
       $1 == "deltas" {printf "deltas: %.0f instructions a byte, %.0f a cell\n", $3 / $5, $3 / $7}' "$out/flights/job.lines"
     load() {
       awk -v what="$2" -v rate="$3" '$1 == "ping" {++n; sum += $4}

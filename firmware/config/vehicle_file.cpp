@@ -236,6 +236,8 @@ void read_cycle(TomlReader* reader, VehicleFile* file) {
   const TomlSection section = reader->section("cycle");
   read_scaled(section, "period_ms", {1, 1000}, 1e3, &file->cycle_us);
   file->voxel_budget_given = section.has("voxel_budget");
+  file->tile_budget_given = section.has("tile_budget");
+  file->extract_interval_given = section.has("extract_interval_s");
   read_whole(section, "voxel_budget", {0, kMostBudget_voxels}, &file->config.cycle_voxel_budget);
   read_whole(section, "tile_budget", {1, 4096}, &file->config.cycle_tile_budget);
   read_scaled(section, "extract_interval_s", {0, 60}, 1e6, &file->config.extract_interval_us);

@@ -59,6 +59,8 @@ struct VehicleFile {
   std::int32_t cycle_us = 20'000;       ///< [cycle] period_ms; 1 .. 1000, default 20
   std::uint32_t ping_voxel_budget = 0;  ///< [cycle]; config.model.work_budget_voxels
   bool voxel_budget_given = false;      ///< [cycle] voxel_budget; else set_default_budget() sets it
+  bool tile_budget_given = false;       ///< [cycle] tile_budget; else set_m7_defaults() may set it
+  bool extract_interval_given = false;  ///< [cycle] extract_interval_s; the same
   FrameConfig frame;                    ///< for the topside; part of it is in config as well
   GridConfig grid;                      ///< as written
   SonarRanges ranges;

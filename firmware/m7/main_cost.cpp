@@ -113,30 +113,47 @@ bool fly(leadline::hal::m7::HostFile& file) {
 
 // ---- Extraction and deltas ----------------------------------------------------------------------
 
+/// What `stage` of extraction takes over tiles 0 .. tile_count - 1 of `tiles`, or of the grid (null).
+template <typename Stage>
+void say_stage(const char* name, const model::TileId* tiles, std::uint32_t tile_count,
+               const Stage& stage) {
+  const std::uint32_t counting = counting_ticks();
+  std::uint64_t ticks = 0;
+  std::uint64_t columns = 0;
+  for (std::uint32_t i = 0; i < tile_count; ++i) {
+    const model::TileId tile = tiles != nullptr ? tiles[i] : i;
+    const std::uint32_t begin = counter.ticks();
+    columns += stage(tile);
+    ticks += counter.ticks() - begin - counting;
+  }
+  say("extract ");
+  say(name);
+  say_number(" instructions ", InstructionCounter::instructions(ticks));
+  say_number(" columns ", columns);
+  say("\n");
+}
+
 void extract_and_code() {
   std::uint32_t tiles = 0;
   while (tiles < model::kTileCapacity && the_model.take_touched_tile(touched[tiles])) {
     ++tiles;
   }
-  std::uint64_t extract_ticks = 0;
-  std::uint64_t read = 0;
-  std::uint64_t assessed = 0;
-  for (std::uint32_t i = 0; i < tiles; ++i) {
-    const std::uint32_t begin = counter.ticks();
-    const model::TileWork work = the_model.extract_tile(touched[i]);
-    extract_ticks += counter.ticks() - begin;
-    read += work.columns_read;
-    assessed += work.columns_assessed;
-  }
-  say_number("extract instructions ", InstructionCounter::instructions(extract_ticks));
-  say_number(" tiles ", tiles);
-  say_number(" columns_read ", read);
-  say_number(" columns ", assessed);
-  say("\n");
+  // As a pass does it (pipeline/extraction_pass.hpp).
+  say_stage("read", touched, tiles,
+            [](model::TileId tile) { return the_model.read_touched_tile(tile); });
+  say_stage("smoothed", nullptr, the_model.grid().tile_count(),
+            [](model::TileId tile) { return the_model.smooth_changed_tile(tile); });
+  say_stage("assessed", touched, tiles,
+            [](model::TileId tile) { return the_model.assess_changed_tile(tile); });
 
   link_map.reset(the_model.grid().tile_count());
   static std::uint8_t packet[proto::kMaxPayload_bytes];
   static firmware::TileCells cells;
+  say_stage("compared", touched, tiles, [](model::TileId tile) {
+    link_map.present(the_model, tile, cells);
+    (void)link_map.owed(tile, cells).count();
+    return static_cast<std::uint32_t>(cells.size());
+  });
   std::uint64_t code_ticks = 0;
   std::uint64_t bytes = 0;
   std::uint64_t coded = 0;

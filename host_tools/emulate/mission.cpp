@@ -223,6 +223,9 @@ void add_faults(Settings* settings) {
   settings->decimal(
       "link_max_tile_age_s", "changes wait so long for others, stated in vehicle.toml",
       [](auto& m) -> auto& { return m.link_max_tile_age_s; });
+  settings->decimal(
+      "extract_interval_s", "depths in passes so far apart, as for a Cortex-M7: 1.5; 0 = none",
+      [](auto& m) -> auto& { return m.extract_interval_s; });
 }
 
 const Settings& settings_table() {
@@ -291,6 +294,8 @@ void check(const Mission& mission) {
           mission.sound_speed_m_s, "1300 .. 1700");
   require(mission.start_s >= 0.0 && mission.start_s <= 3600.0, "start_s", mission.start_s,
           "0 .. 3600");
+  require(mission.extract_interval_s >= 0.0 && mission.extract_interval_s <= 60.0,
+          "extract_interval_s", mission.extract_interval_s, "0 .. 60");
   require(mission.settle_s >= 0.0 && mission.settle_s <= 3600.0, "settle_s", mission.settle_s,
           "0 .. 3600");
   require(mission.ground.north_count >= 8 && mission.ground.north_count <= 8192, "north_count",

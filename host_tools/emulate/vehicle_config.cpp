@@ -191,7 +191,11 @@ std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
           "\nlon = " + number_text(mission.navigation.longitude_deg) +
           "\nvertical_datum = \"sea surface\"\n\n";
   // Depths of the tiles that changed most, fifty a second: a survey line changes fewer.
-  text += "[cycle]\ntile_budget = 1\n\n";
+  text += "[cycle]\ntile_budget = 1\n";
+  if (mission.extract_interval_s > 0.0) {
+    text += "extract_interval_s = " + number_text(mission.extract_interval_s) + "\n";
+  }
+  text += "\n";
   for (const HeadSpec& head : mission.heads) {
     text += mount_text(head) + "\n";
   }

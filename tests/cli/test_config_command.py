@@ -1,7 +1,10 @@
 """`leadline config`: what scripts rely on. What the block holds and how text is lifted: unit.firmware_config.migrate."""
 
 import json
+import os
 import pathlib
+import re
+import shutil
 import sys
 import unittest
 
@@ -51,6 +54,64 @@ class ConfigCommand(Case):
         self.assertEqual(told["block"]["bytes"], self.block.stat().st_size)
         self.assertEqual(len(told["table"]), 1)
         self.assertIn("cell_mm = 500", self.expect(self.run_leadline("config", "show", self.block), OK).stdout)
+
+    def cycle(self):
+        shown = self.expect(self.run_leadline("config", "show", self.block, "--json"), OK).stdout
+        told = json.loads(shown)["model"]
+        return told["extract_interval_s"], told["tile_budget"]
+
+    def estimate(self, done):
+        return [float(share) for share in re.findall(r"([0-9.]+) % of a Cortex-M7's 480 million", done.stderr)]
+
+    def test_a_vehicle_without_files_extracts_in_passes_unless_told_otherwise(self):
+        done = self.expect(self.compile(), OK)
+        self.assertIn("[cycle] extract_interval_s = 1.5, since the file does not say", done.stderr)
+        self.assertIn("[cycle] tile_budget = 1, since the file does not say", done.stderr)
+        self.assertEqual(self.cycle(), (1.5, 1))
+        self.assertEqual(len(self.estimate(done)), 1)
+        self.vehicle.write_text(VEHICLE + "[cycle]\nextract_interval_s = 0\ntile_budget = 3\n")
+        self.assertNotIn("does not say", self.expect(self.compile(), OK).stderr)
+        self.assertEqual(self.cycle(), (0, 3))
+
+    def test_what_a_cortex_m7_cannot_carry_is_warned_of(self):
+        # A wide beam twenty times a second over small cells.
+        wide = self.config.read_text().replace("beam_half_angle_deg = 3", "beam_half_angle_deg = 12.5")
+        self.config.write_text(wide)
+        self.expect(self.run_leadline("table", "--config", self.config, "--out", self.dir / "beam.llt"), OK)
+        heavy = VEHICLE.replace("cell_mm = 500", "cell_mm = 250").replace("[32, 32, 16]", "[128, 128, 100]")
+        heavy = heavy.replace('driver = "ping1d"', 'driver = "ping1d"\ninterval_ms = 50')
+        self.vehicle.write_text(heavy + "[cycle]\nextract_interval_s = 0\n")
+        done = self.expect(self.compile(), OK)
+        self.assertIn("vehicle.toml: warning: more than the 15 %", done.stderr)
+        self.assertIn("extract_interval_s = 1.5 and tile_budget = 1 would make", done.stderr)
+        alone, would = self.estimate(done)[0], self.estimate(done)[-1]
+        self.assertGreater(alone, 50)
+        self.vehicle.write_text(heavy)
+        done = self.expect(self.compile(), OK)
+        self.assertNotIn("warning", done.stderr)
+        self.assertEqual(self.estimate(done), [would])
+        # Beams of arrays: as many as the driver takes, or as many as one says.
+        self.vehicle.write_text(heavy.replace('"ping1d"\ninterval_ms = 50', '"deltat83p"'))
+        done = self.expect(self.compile(), OK)
+        self.assertIn("interval_ms", done.stderr.split("warning")[1])
+        self.assertLess(self.estimate(self.compile("--beams", 16))[0], self.estimate(done)[0] / 5)
+        self.expect(self.compile("--beams", 0), USAGE, "--beams")
+
+    def test_the_example_for_a_cortex_m7_is_one_that_it_carries(self):
+        example = pathlib.Path(os.environ["LEADLINE_ROOT"]) / "firmware/m7/vehicle.example.toml"
+        shutil.copy(example, self.vehicle)
+        wide = self.config.read_text().replace("beam_half_angle_deg = 3", "beam_half_angle_deg = 12.5")
+        self.config.write_text(wide)
+        self.expect(self.run_leadline("table", "--config", self.config, "--out", self.dir / "ping1d.llt"), OK)
+        done = self.expect(self.compile(), OK)
+        self.assertNotIn("warning", done.stderr)
+        self.assertNotIn("does not say", done.stderr)
+        self.assertEqual(self.cycle(), (1.5, 1))
+        told = json.loads(self.expect(self.run_leadline("config", "show", self.block, "--json"), OK).stdout)
+        size = told["grid"]["size"]
+        self.assertLessEqual(size[0] * size[1] * size[2], 131072)
+        self.assertLessEqual(size[0] * size[1], 2560)
+        self.assertEqual([size[0] % 16, size[1] % 16], [0, 0])
 
     def test_what_is_wrong_leaves_no_block(self):
         self.vehicle.write_text(VEHICLE.replace("cell_mm = 500", "cell_mm = 0"))

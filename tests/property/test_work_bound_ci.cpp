@@ -23,6 +23,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/config/m7_load.hpp"
 #include "firmware/m7/cost_file.hpp"
 #include "host_tools/table/generator.hpp"
 #include "model/model.hpp"
@@ -313,34 +314,11 @@ std::uint32_t voxel_cost(const Trial& trial, const Candidate& c) {
   return voxels;
 }
 
-/// What each kind of work costs a Cortex-M7 at most, in instructions: measured on the target with room for the
-/// longest ways through, not derived (toolchain/timing.sh compares every ping that it replays).
-struct InstructionCosts {
-  double fixed = 7000;
-  double column_read = 1850;
-  double cell_read = 30;
-  double shell_row = 410;
-  double shell_candidate = 38;
-  double shell_column = 66;
-  double shell_voxel = 14.5;
-  double cone_row = 680;
-  double cone_candidate = 245;
-  double cone_column = 30;
-  double cone_run = 112;
-  double cone_voxel = 4.2;
-};
-constexpr InstructionCosts kCosts;
+constexpr leadline::host::M7PingPrices kCosts = leadline::host::kM7PingPrices;
 
 std::uint32_t instruction_cost(const Trial& trial, const Candidate& c) {
   (void)voxel_cost(trial, c);
-  const model::PingWork& work = work_done;
-  return static_cast<std::uint32_t>(
-      kCosts.fixed + work.columns_read * (kCosts.column_read + kCosts.cell_read * trial.size[2]) +
-      kCosts.shell_row * work.shell_rows + kCosts.shell_candidate * work.shell_candidates +
-      kCosts.shell_column * work.shell_columns + kCosts.shell_voxel * work.shell_voxels +
-      kCosts.cone_row * work.cone_rows + kCosts.cone_candidate * work.cone_candidates +
-      kCosts.cone_column * work.cone_columns + kCosts.cone_run * work.cone_runs +
-      kCosts.cone_voxel * work.cone_voxels);
+  return static_cast<std::uint32_t>(leadline::host::m7_ping_instructions(work_done, trial.size[2]));
 }
 
 /// A cone `range` cells long that widens by `growth` a cell, `elevation` below the level, seen from above: the places

@@ -136,6 +136,20 @@ TEST(the_vehicle_reads_the_configuration_that_fits_the_mission) {
   assert_true(static_cast<std::int32_t>(file.config.mounts[2].boresight.roll_bam32) < 0);
 }
 
+TEST(depths_come_in_passes_where_the_mission_is_for_a_small_processor) {
+  MissionOptions options;
+  for (const double interval_s : {0.0, 1.5}) {
+    options.settings = {"extract_interval_s=" + std::to_string(interval_s)};
+    const Mission mission = resolve_mission(options);
+    const std::string toml =
+        mission_vehicle_toml(mission, build_ground(mission), links_of(mission));
+    const VehicleFile file = leadline::host::parse_vehicle_file(toml, "vehicle.toml", "");
+    assert_near(file.config.extract_interval_us, 1e6 * interval_s, 0.0);
+    assert_int_equal(file.config.cycle_tile_budget, 1);
+  }
+  assert_true(says(complaint("extract_interval_s=61"), "0 .. 60"));
+}
+
 TEST(heads_keep_their_sides_when_the_tilt_is_set) {
   MissionOptions options;
   options.settings = {"tilt_deg=33", "beam_half_angle_deg=4"};
