@@ -9,7 +9,7 @@ namespace leadline::emu {
 
 namespace {
 
-void put_u16(Bytes& out, std::size_t at, long value) {
+void put_u16(Bytes& out, std::size_t at, std::int64_t value) {
   out.at(at) = static_cast<std::uint8_t>((value >> 8) & 0xFF);
   out.at(at + 1) = static_cast<std::uint8_t>(value & 0xFF);
 }

@@ -1,5 +1,6 @@
 // The plane against the projection's exact series in long double: Krueger's in n, of eighth order where the
 // product has Redfearn's in longitude.
+#include <cinttypes>
 #include <cmath>
 
 #include "estimator/geodesy.hpp"
@@ -144,8 +145,9 @@ TEST(there_and_back_is_the_same_place) {
       // 2e-9 degrees of arc are 0.22 mm.
       if (std::abs(back.value().north_um - north) > 230 ||
           std::abs(back.value().east_um - east) > 230) {
-        fail_msg("latitude %ld: %ld, %ld um comes back as %ld, %ld", latitude, north, east,
-                 back.value().north_um, back.value().east_um);
+        fail_msg("latitude %" PRId64 ": %" PRId64 ", %" PRId64 " um comes back as %" PRId64
+                 ", %" PRId64,
+                 latitude, north, east, back.value().north_um, back.value().east_um);
       }
     }
   }
