@@ -113,6 +113,8 @@ POISON = [
      r"\d[\d']*[eE][+-]?\d+)[fFlL]?(?![\w.])", "integer arithmetic on the vehicle"),
     ("goto", r"\bgoto\b|\bsetjmp\b|\blongjmp\b", "straight control flow"),
 ]
+# Most lines hold none: one look at all together.
+ANY_POISON = re.compile("|".join(f"(?:{pattern})" for _, pattern, _ in POISON))
 POISON = [(name, re.compile(pattern), why) for name, pattern, why in POISON]
 # Folder -> poisons that do not apply.
 POISON_EXEMPT = {"estimator": {"float", "float-literal"}}
@@ -133,19 +135,29 @@ def longest_prefix(path, prefixes):
     return max(hits, key=len) if hits else None
 
 
+LITERAL_OR_COMMENT = re.compile(r"""//|/\*|["']""")
+# A backslash at the end of the line continues the comment.
+COMMENT_END = re.compile(r"(?<!\\)\n")
+NOT_LINE_BREAK = re.compile(r"[^\n]")
+
+
 def blank_comments_and_literals(text):
     """Same text, same line breaks; comments, strings and characters become blanks."""
     out = []
     i = 0
     size = len(text)
     while i < size:
-        two = text[i:i + 2]
-        if two == "//":
-            end = i
-            # A backslash at the end of the line continues the comment.
-            while end < size and not (text[end] == "\n" and text[end - 1] != "\\"):
-                end += 1
-        elif two == "/*":
+        match = LITERAL_OR_COMMENT.search(text, i)
+        start = match.start() if match else size
+        out.append(text[i:start])
+        if not match:
+            break
+        i = start
+        token = match[0]
+        if token == "//":
+            line_end = COMMENT_END.search(text, i)
+            end = line_end.start() if line_end else size
+        elif token == "/*":
             end = text.find("*/", i + 2)
             end = size if end < 0 else end + 2
         elif text[i] == '"' and i > 0 and text[i - 1] == "R":
@@ -162,19 +174,12 @@ def blank_comments_and_literals(text):
             out.append(text[i])
             i += 1
             continue
-        out.append("".join(c if c == "\n" else " " for c in text[i:end]))
+        out.append(NOT_LINE_BREAK.sub(" ", text[i:end]))
         i = end
     return "".join(out)
 
 
-def blank_comments(text):
-    """Same, but literals stay (an #include's "..." is one)."""
-    blanked = blank_comments_and_literals(text)
-    lines = []
-    for original, code in zip(text.split("\n"), blanked.split("\n")):
-        directive = re.match(r"\s*#\s*include\b", code)
-        lines.append(original if directive else code)
-    return lines
+INCLUDE_DIRECTIVE = re.compile(r"\s*#\s*include\b")
 
 
 class Checker:
@@ -209,12 +214,17 @@ class Checker:
             return
         arrow_room = longest_prefix(path, ARROWS)
         vehicle_room = longest_prefix(path, VEHICLE)
-        for number, line in enumerate(blank_comments(text), 1):
-            match = INCLUDE.match(line)
+        originals = text.split("\n")
+        blanked = blank_comments_and_literals(text).split("\n")
+        for number, code in enumerate(blanked, 1):
+            # The line as it was: an #include's "..." is a literal.
+            if "include" not in code:
+                continue
+            match = INCLUDE.match(originals[number - 1] if INCLUDE_DIRECTIVE.match(code) else code)
             if match:
                 self.check_include(path, number, match, arrow_room, vehicle_room)
         if vehicle_room:
-            self.check_poison(path, text, vehicle_room)
+            self.check_poison(path, originals, blanked, vehicle_room)
 
     def check_include(self, path, number, match, arrow_room, vehicle_room):
         quoted, angled, computed = match.groups()
@@ -252,12 +262,11 @@ class Checker:
             self.report(path, number, "std-header",
                         f"<{target}> is not on the allow-list of vehicle code")
 
-    def check_poison(self, path, text, room):
+    def check_poison(self, path, originals, blanked, room):
         exempt = POISON_EXEMPT.get(room, set())
-        originals = text.split("\n")
         block, block_line, block_used = set(), 0, set()
-        for number, code in enumerate(blank_comments_and_literals(text).split("\n"), 1):
-            if re.match(r"\s*#\s*include\b", code):
+        for number, code in enumerate(blanked, 1):
+            if INCLUDE_DIRECTIVE.match(code):
                 continue
             if ALLOW_END.search(originals[number - 1]):
                 self.check_block_end(path, number, block, block_line, block_used)
@@ -269,6 +278,8 @@ class Checker:
                     self.report(path, number, "allow-tag",
                                 f"the block of line {block_line} has no end")
                 block, block_line, block_used = allowed, number, set()
+                continue
+            if not allowed and not ANY_POISON.search(code):
                 continue
             for name, pattern, why in POISON:
                 if name in exempt:
