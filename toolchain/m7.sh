@@ -9,7 +9,8 @@
 #   replay LOG...         plays logs on the board; a line for each:
 #                         map_hash=... link_hash=... cells_hash=... same_as_flight=...
 #                         instructions_total=... (of Vehicle::cycle), instructions_worst_cycle, ..._worst_ping (of
-#                         Model::integrate), with the ping's number and voxels; exact, and the same in every run
+#                         Model::integrate), with the ping's number and voxels; exact to a third of an instruction a
+#                         cycle or ping, and the same in every run with the same logs
 #   gates                 what an image may not hold, and how deep its stack goes (toolchain/m7_gates.py)
 #   test [PATTERN]        the unit tests of vehicle code on the board
 #   --board stm32h743     as much memory as that part has (default an500: 16 MiB for the map)
@@ -47,7 +48,7 @@ shift
 images="$root/build/$preset/firmware"
 
 messages=$(mktemp)
-trap 'rm -f "$messages"' EXIT
+trap 'rm -f "$messages" "$messages.list"' EXIT
 build() {
   mkdir -p "$root/build"
   exec 9>"$root/build/.$preset.lock"
@@ -59,18 +60,20 @@ build() {
   exec 9>&-
 }
 
-replay_one() {
-  local log=$1 path
-  [ -r "$log" ] || {
-    warn "cannot read $log"
-    return 3
-  }
-  # QEMU takes a comma for the end of an option; doubled it is one.
-  path=$(realpath "$log")
-  m7_run "$images/leadline-m7-replay.elf" "arg=replay,arg=${path//,/,,}" | while IFS= read -r line; do
+# All in one run of the board: its start costs more than a small log.
+replay_all() {
+  local log list="$messages.list"
+  for log in "$@"; do
+    [ -r "$log" ] && [ ! -d "$log" ] || {
+      warn "cannot read $log"
+      return 3
+    }
+    realpath "$log"
+  done >"$list"
+  m7_run "$images/leadline-m7-replay.elf" "arg=replay,arg=@$list" | while IFS= read -r line; do
     case $line in
       map_hash=*) printf '%s\n' "$line" ;;
-      *) printf '%s: %s\n' "$log" "$line" >&2 ;;
+      *) printf '%s\n' "$line" >&2 ;;
     esac
   done
 }
@@ -163,11 +166,7 @@ case $command in
     [ $# -gt 0 ] || usage_error "replay wants a log"
     build leadline-m7-replay
     result=0
-    for log in "$@"; do
-      one=0
-      replay_one "$log" || one=$?
-      [ $one -le $result ] || result=$one
-    done
+    replay_all "$@" || result=$?
     exit $result
     ;;
   *) usage_error "unknown command $command" ;;

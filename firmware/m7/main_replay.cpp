@@ -1,10 +1,12 @@
-// The image that replays: a log of the host's through the same vehicle, and what it costs in instructions.
+// The image that replays: logs of the host's through the same vehicle, and what they cost in instructions.
 //
 //   qemu-system-arm ... -icount shift=7,sleep=off -semihosting-config ...,arg=replay,arg=LOG
+//   ... arg=replay,arg=@LIST   the logs that stand in this file, one a line
 //
-// Prints `map_hash=... link_hash=... cells_hash=... same_as_flight=... instructions_total=...`. Instructions are
-// those of Vehicle::cycle(); of a ping those of Model::integrate(), which the linker leads through here
-// (--wrap). Exit status as of leadline-replay: 0, 2 usage, 3 the log cannot be replayed, 5 another result.
+// Prints for each `map_hash=... link_hash=... cells_hash=... same_as_flight=... instructions_total=...`. Instructions
+// are those of Vehicle::cycle(); of a ping those of Model::integrate(), which the linker leads through here
+// (--wrap). Exit status as of leadline-replay: 0, 2 usage, 3 a log cannot be replayed, 5 another result; the highest
+// of all logs.
 #include <array>
 #include <cstdint>
 #include <cstring>
@@ -39,6 +41,7 @@ constexpr std::uint32_t kDiffers = 5;
 
 [[gnu::section(".bss.leadline.tools")]] LogPlayer player;
 [[gnu::section(".bss.leadline.tools")]] std::uint8_t buffer[65536];
+constexpr std::size_t kMaxPath_bytes = 512;
 InstructionCounter counter;
 
 /// Ticks, exact; printed as instructions.
@@ -53,16 +56,23 @@ struct Costs {
 };
 Costs costs;
 
+void complain(const char* path, const char* what, const char* more = "") {
+  say(path);
+  say(": replay: error: ");
+  say(what);
+  say(more);
+  say("\n");
+}
+
 /// What is done with everything that the player finds. False: the log is of no use.
-bool act(LogEvent event) {
+bool act(const char* path, LogEvent event) {
   using leadline::base::Status;
   if (event == LogEvent::kConfigured) {
     const Status status =
         the_vehicle.configure(player.config(), player.tables(), player.table_count());
     if (status != Status::kOk) {
-      say("replay: error: the vehicle refuses this configuration: ");
-      say(leadline::base::status_text(status));
-      say("\n");
+      complain(path,
+               "the vehicle refuses this configuration: ", leadline::base::status_text(status));
     }
     return status == Status::kOk;
   }
@@ -74,9 +84,7 @@ bool act(LogEvent event) {
     costs.cycles_ticks += ticks;
     costs.worst_cycle_ticks = ticks > costs.worst_cycle_ticks ? ticks : costs.worst_cycle_ticks;
   } else if (event == LogEvent::kRefused) {
-    say("replay: error: ");
-    say(leadline::firmware::log_refusal_text(player.refusal()));
-    say("\n");
+    complain(path, leadline::firmware::log_refusal_text(player.refusal()));
     return false;
   }
   return true;
@@ -85,7 +93,7 @@ bool act(LogEvent event) {
 bool play(const char* path) {
   leadline::hal::m7::HostFile file;
   if (!file.open(path, leadline::hal::m7::OpenMode::kReadBytes)) {
-    say("replay: error: the log cannot be read\n");
+    complain(path, "the log cannot be read");
     return false;
   }
   player.begin();
@@ -96,21 +104,23 @@ bool play(const char* path) {
       std::size_t used = 0;
       const LogEvent event = player.feed(buffer + at, size - at, used);
       at += used;
-      if (!act(event)) {
+      if (!act(path, event)) {
+        file.close();
         return false;
       }
     }
   }
   file.close();
-  return act(player.finish());
+  return act(path, player.finish());
 }
 
-void say_findings() {
+void say_findings(const char* path) {
   leadline::firmware::FindingText texts[leadline::firmware::kMaxFindingTexts];
   const std::size_t count =
       leadline::firmware::finding_texts(player.findings(), player.end().has_value(), texts);
   for (std::size_t i = 0; i < count; ++i) {
-    say("replay: gap: ");
+    say(path);
+    say(": replay: gap: ");
     if (texts[i].count > 0) {
       say_number("", texts[i].count);
       say(" ");
@@ -140,6 +150,47 @@ std::uint32_t result() {
   say_number(" cycles=", the_vehicle.counters().cycles);
   say("\n");
   return then != nullptr && !leadline::firmware::same_results(now, *then) ? kDiffers : kOk;
+}
+
+std::uint32_t replay(const char* path) {
+  costs = Costs{};
+  if (!play(path)) {
+    return kInput;
+  }
+  say_findings(path);
+  return result();
+}
+
+/// All logs of a list. A line is a path, whatever is in it.
+std::uint32_t replay_list(const char* list) {
+  leadline::hal::m7::HostFile file;
+  if (!file.open(list, leadline::hal::m7::OpenMode::kReadBytes)) {
+    complain(list, "the list cannot be read");
+    return kInput;
+  }
+  static std::uint8_t piece[1024];
+  static char path[kMaxPath_bytes];
+  std::size_t length = 0;
+  std::uint32_t worst = kOk;
+  for (std::size_t size = file.read(piece, sizeof piece); size > 0;
+       size = file.read(piece, sizeof piece)) {
+    for (std::size_t at = 0; at < size; ++at) {
+      if (piece[at] != '\n') {
+        path[length] = static_cast<char>(piece[at]);
+        ++length;
+        if (length == sizeof path) {
+          complain(list, "a path is too long");
+          return kInput;
+        }
+        continue;
+      }
+      path[length] = '\0';
+      length = 0;
+      const std::uint32_t one = replay(path);
+      worst = one > worst ? one : worst;
+    }
+  }
+  return worst;
 }
 
 }  // namespace
@@ -187,10 +238,5 @@ void leadline_main() {
     say("replay: error: no log on the command line\n");
     leadline::hal::m7::exit(kUsage);
   }
-  const bool played = play(path);
-  if (!played) {
-    leadline::hal::m7::exit(kInput);
-  }
-  say_findings();
-  leadline::hal::m7::exit(result());
+  leadline::hal::m7::exit(path[0] == '@' ? replay_list(path + 1) : replay(path));
 }

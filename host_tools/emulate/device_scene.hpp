@@ -17,6 +17,8 @@ struct DeviceScene {
   double sound_speed_m_s = 1500.0;
   double latitude_deg = 54.3;  ///< where it starts
   double longitude_deg = 10.2;
+  double beams_share =
+      1.0;  ///< of the beams of a survey multibeam, of the width and height of a camera's picture
 
   [[nodiscard]] emu::Motion motion(base::TimeUs t_us) const;
   /// To the bottom along `direction` (body frame FRD, of length 1); 0: it meets none, or farther than

@@ -196,10 +196,17 @@ Device make_tritech(std::size_t variant, const DeviceScene& scene) {
       });
 }
 
+template <typename Count>
+Count share_of(Count all, const DeviceScene& scene) {
+  constexpr double kLeast = 2.0;
+  return static_cast<Count>(std::max(static_cast<double>(all) * scene.beams_share, kLeast));
+}
+
 Device make_r2sonic(std::size_t /*variant*/, const DeviceScene& scene) {
   emu::EmulatedR2SonicSettings settings;
   settings.sound_speed_m_s = static_cast<float>(scene.sound_speed_m_s);
   settings.clock_offset_us = kUnix_s * kSecond_us;
+  settings.beams = share_of(settings.beams, scene);
   settings.two_way_s = [scene](base::TimeUs t_us, double angle_rad) {
     return 2.0 * scene.range_m(t_us, across(angle_rad), kAny_m) / scene.sound_speed_m_s;
   };
@@ -210,6 +217,8 @@ Device make_wl3d(std::size_t /*variant*/, const DeviceScene& scene) {
   emu::EmulatedWl3dConfig config;
   config.sound_speed_m_s = scene.sound_speed_m_s;
   config.range_m = std::max(config.range_m, 2.0 * scene.bottom_m);
+  config.width = share_of(config.width, scene);
+  config.height = share_of(config.height, scene);
   return std::make_unique<emu::EmulatedWl3d>(
       config, [scene, longest_m = config.range_m](const emu::Wl3dShot& shot) {
         return scene.range_m(shot.t_us, camera(shot.yaw_deg, shot.pitch_deg), longest_m);
