@@ -58,8 +58,9 @@ using leadline::test::RecordedCycle;
 // What the smallest target with room for a demo survey takes (preset cortex-m7): logs are for all targets.
 constexpr std::int32_t kMostSide_cells = 64;
 constexpr std::size_t kMostTables = 3;
-// A flight ends when so many came: what dense heads would add is more of the same.
-constexpr std::uint64_t kEnoughPings = 2'000;
+// A flight ends when so many pings came, or are in the map: what dense heads would add is more of the same.
+constexpr std::uint64_t kEnoughPings = 4'000;
+constexpr std::uint64_t kEnoughMapped = 1'500;
 // Smallest sensor set with poses is rare by chance alone: this one says all that a pose needs.
 constexpr Driver kWholeNavigation = Driver::kNmea;
 
@@ -326,7 +327,9 @@ class Flight {
     const bool slow = has(Driver::kTritech);
     const TimeUs end_us = random_.between(2'000'000, 6'000'000) + (slow ? 4'000'000 : 0);
     // A camera says more in one second than the others together in ten: enough is enough.
-    while (now_us_ < end_us && vehicle.counters().pings_in < kEnoughPings) {
+    const auto& counters = vehicle.counters();
+    while (now_us_ < end_us && counters.pings_in < kEnoughPings &&
+           counters.pings_mapped < kEnoughMapped) {
       now_us_ += chance(random_, 99) ? cycle_us : random_.between(0, 400'000);
       cycle();
     }
