@@ -9,7 +9,7 @@
 #   --work-bound-pings N   pings per configuration of that search (default: what a quarter of the time
 #                          allows, 7,500 per minute; a billion in all is 32,000,000)
 #   --targets N            only this: N random flights replayed on every target (toolchain/replay-on.sh):
-#                          the same hashes. In batches of 100, each told when it is done; --from goes on behind FIRST of them
+#                          the same hashes. In batches of 500, each told when it is done; --from goes on behind FIRST of them
 #   --sensors              only this, for N minutes (default 10): all emulated devices at ten times their
 #                          rate, lines that break at random. In = fused + shed + rejected, to the byte and
 #                          the record; no growth in memory or descriptors
@@ -70,13 +70,14 @@ case $target_logs$first_log in *[!0-9]*) usage_error "--targets and --from want 
 if [ "$target_logs" -gt 0 ]; then
   "$root/toolchain/setup.sh" --clang --cross --m7
   configure_and_build release property.random_logs
-  # In batches: their logs are 20 MB at a time.
-  for ((first = first_log; first < target_logs; first += 100)); do
+  # In batches: their logs are 75 MB at a time.
+  batch=500
+  for ((first = first_log; first < target_logs; first += batch)); do
     left=$((target_logs - first))
     LEADLINE_ROOT=$root LEADLINE_BUILD=$root/build/release LEADLINE_SAME_BITS_SEED=$((20270000 + first)) \
-      LEADLINE_SAME_BITS_COUNT=$((left < 100 ? left : 100)) python3 "$root/tests/cli/test_same_bits_ci.py" |
+      LEADLINE_SAME_BITS_COUNT=$((left < batch ? left : batch)) python3 "$root/tests/cli/test_same_bits_ci.py" |
       grep -v '^  \|^\['
-    echo "soak: random logs up to $((left < 100 ? target_logs : first + 100)) of $target_logs are the same everywhere"
+    echo "soak: random logs up to $((left < batch ? target_logs : first + batch)) of $target_logs are the same everywhere"
   done
   echo "soak: $target_logs random logs, the same on every target"
   exit 0
