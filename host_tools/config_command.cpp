@@ -91,7 +91,8 @@ int run_config_migrate(const ConfigOptions& options) {
     std::cerr << options.out_path << ":" << change << "\n";
   }
   std::cerr << options.path << ": schema version " << migrated.from << " to "
-            << kVehicleSchemaVersion << ", " << migrated.changes.size() << " changes\n";
+            << kVehicleSchemaVersion << ", " << migrated.changes.size()
+            << (migrated.changes.size() == 1 ? " change\n" : " changes\n");
   return static_cast<int>(ExitCode::kOk);
 }
 

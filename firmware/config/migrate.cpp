@@ -66,6 +66,7 @@ struct Line {
   std::string key;  ///< "" where none begins here
   std::size_t key_at = 0;
   bool header = false;
+  std::vector<std::string> changes;  ///< to this line
 };
 
 std::vector<Line> lines_of(std::string_view text) {
@@ -142,7 +143,11 @@ class Editor {
     for (Line& line : lines_) {
       if (line.table.empty() && line.key == kVersionKey) {
         const std::size_t at = static_cast<std::size_t>(value_of(line).data() - line.text.data());
-        line.text.replace(at, value_of(line).size(), number);
+        const std::string before(value_of(line));
+        line.text.replace(at, before.size(), number);
+        if (before != number) {
+          line.changes.push_back(std::string(kVersionKey) + " = " + number + ": was " + before);
+        }
         return;
       }
     }
@@ -152,6 +157,7 @@ class Editor {
       ++at;
     }
     insert(at, std::string(kVersionKey) + " = " + number, "");
+    say(at, lines_[at].text + ": said from now on");
     if (at + 1 < lines_.size()) {
       insert(at + 1, "", "");
     }
@@ -165,7 +171,16 @@ class Editor {
     }
     return text;
   }
-  [[nodiscard]] const std::vector<std::string>& changes() const { return changes_; }
+  /// In the order of the lines, each with the number of its line in text().
+  [[nodiscard]] std::vector<std::string> changes() const {
+    std::vector<std::string> changes;
+    for (std::size_t i = 0; i < lines_.size(); ++i) {
+      for (const std::string& what : lines_[i].changes) {
+        changes.push_back(std::to_string(i + 1) + ": " + what);
+      }
+    }
+    return changes;
+  }
 
  private:
   [[noreturn]] void refuse(std::size_t at, const std::string& why) const {
@@ -181,9 +196,7 @@ class Editor {
     return trimmed(rest.substr(0, rest.find('#')));
   }
 
-  void say(std::size_t at, const std::string& what) {
-    changes_.push_back(std::to_string(at + 1) + ": " + what);
-  }
+  void say(std::size_t at, const std::string& what) { lines_[at].changes.push_back(what); }
 
   void insert(std::size_t at, std::string text, const std::string& table) {
     Line line;
@@ -246,7 +259,6 @@ class Editor {
   std::string name_;
   std::vector<Line> lines_;
   bool ends_;  ///< the last line has its break
-  std::vector<std::string> changes_;
 };
 
 }  // namespace

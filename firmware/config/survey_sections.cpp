@@ -15,8 +15,9 @@ constexpr std::array<const char*, 4> kRuleNames = {"weighted_mean", "log_odds", 
                                                    "recursive"};
 constexpr std::array<const char*, 2> kNoReturnNames = {"ignore", "empty"};
 
-[[noreturn]] void refuse(const std::string& name, const std::string& what) {
-  throw HostError(ExitCode::kUsage, name + ": " + what);
+[[noreturn]] void refuse(const std::string& name, const std::string& what, std::uint32_t line = 0) {
+  const std::string where = line > 0 ? name + ":" + std::to_string(line) : name;
+  throw HostError(ExitCode::kUsage, where + ": " + what);
 }
 
 /// What this build of the model cannot hold, said with the numbers.
@@ -26,9 +27,10 @@ void check_capacity(const GridConfig& grid, const SonarRanges& ranges, const std
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::int32_t limit = axis == base::kDown ? model::kMaxDepthCells : model::kMaxSideCells;
     if (grid.size[axis] > limit) {
-      refuse(name, size + std::to_string(grid.voxel_count()) +
-                       " voxels, and over the capacity of " + std::to_string(limit) +
-                       " cells on axis " + std::to_string(axis));
+      refuse(name,
+             size + std::to_string(grid.voxel_count()) + " voxels, and over the capacity of " +
+                 std::to_string(limit) + " cells on axis " + std::to_string(axis),
+             grid.size_line);
     }
   }
   // Columns are stored in square tiles; the last ones are padded.
@@ -38,18 +40,22 @@ void check_capacity(const GridConfig& grid, const SonarRanges& ranges, const std
       ((static_cast<std::uint64_t>(grid.size[1]) + kTile - 1) / kTile * kTile);
   const std::uint64_t voxels = columns * static_cast<std::uint64_t>(grid.size[2]);
   if ((voxels > model::kVoxelCapacity && !windowed) || columns > model::kColumnCapacity) {
-    refuse(name, size + std::to_string(grid.voxel_count()) + " voxels (" + std::to_string(voxels) +
-                     " in " + std::to_string(columns) +
-                     " columns of whole tiles), over the capacity of " +
-                     std::to_string(model::kVoxelCapacity) + " voxels in " +
-                     std::to_string(model::kColumnCapacity) +
-                     " columns; take larger cells or a smaller grid");
+    refuse(name,
+           size + std::to_string(grid.voxel_count()) + " voxels (" + std::to_string(voxels) +
+               " in " + std::to_string(columns) +
+               " columns of whole tiles), over the capacity of " +
+               std::to_string(model::kVoxelCapacity) + " voxels in " +
+               std::to_string(model::kColumnCapacity) +
+               " columns; take larger cells or a smaller grid",
+           grid.size_line);
   }
   const std::int64_t longest_mm = static_cast<std::int64_t>(model::kMaxRangeCells) * grid.cell_mm;
   if (ranges.max_range_mm > longest_mm) {
-    refuse(name, "[sonar] max_range_mm = " + std::to_string(ranges.max_range_mm) +
-                     ": has to be at most " + std::to_string(model::kMaxRangeCells) +
-                     " cells = " + std::to_string(longest_mm) + " mm");
+    refuse(name,
+           "[sonar] max_range_mm = " + std::to_string(ranges.max_range_mm) +
+               ": has to be at most " + std::to_string(model::kMaxRangeCells) +
+               " cells = " + std::to_string(longest_mm) + " mm",
+           ranges.max_range_line);
   }
 }
 
@@ -139,6 +145,7 @@ GridConfig read_grid(TomlReader* reader) {
   const Limits cells = {1, 1'048'576};
   std::int64_t size[3] = {0, 0, 0};
   const bool size_good = section.read_integers("size", {cells, cells, cells}, size);
+  grid.size_line = section.line("size");
 
   constexpr auto kHorizontal_mm = static_cast<double>(base::kMaxHorizontal_um / 1000);
   constexpr auto kVertical_mm = static_cast<double>(base::kMaxVertical_um / 1000);
@@ -161,6 +168,7 @@ void read_sonar_ranges(TomlReader* reader, const GridConfig& grid, const Limits&
   constexpr auto kRange_mm = static_cast<double>(base::kMaxRange_um / 1000);
   section.read_integer("min_range_mm", {0, kRange_mm}, &ranges->min_range_mm);
   section.read_integer("max_range_mm", {1, kRange_mm}, &ranges->max_range_mm);
+  ranges->max_range_line = section.line("max_range_mm");
   if (!section.has("max_range_mm")) {
     ranges->max_range_mm = default_max_range_mm(grid);
   }

@@ -29,6 +29,7 @@ struct GridConfig {
   /// Required; numerically lowest corner. The whole grid lies within +-2,000 km horizontally and
   /// +-20 km vertically.
   std::int64_t origin_mm[3] = {0, 0, 0};
+  std::uint32_t size_line = 0;  ///< of `size` in its file, for messages; 0: in none
 
   /// Never overflows for a checked configuration (at most 2^60).
   [[nodiscard]] std::uint64_t voxel_count() const {
@@ -42,6 +43,7 @@ struct SonarRanges {
   std::int64_t min_range_mm = 0;  ///< shorter returns are rejected; 0 .. below max_range_mm
   /// Longer returns are rejected; 1 .. 20,000,000. Default: default_max_range_mm(grid).
   std::int64_t max_range_mm = 0;
+  std::uint32_t max_range_line = 0;  ///< of max_range_mm in its file, for messages; 0: in none
   NoReturn no_return = NoReturn::kIgnore;
   /// Up to where a target would have been heard: required with no_return = "empty";
   /// 1 .. max_range_mm.

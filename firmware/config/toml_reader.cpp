@@ -192,8 +192,13 @@ void TomlSection::refuse(const char* key, const std::string& why) const {
   refuse_node(get(key), key, why);
 }
 
+std::uint32_t TomlSection::line(const char* key) const {
+  const toml::node* const node = as_node(get(key));
+  return node != nullptr ? node->source().begin.line : 0;
+}
+
 void TomlSection::find(const char* key, const std::string& what) const {
-  reader_->find_at(as_node(get(key))->source().begin.line, shown(what));
+  reader_->find_at(line(key), shown(what));
 }
 
 void TomlSection::find_missing(const std::string& what) const {

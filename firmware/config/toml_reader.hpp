@@ -60,6 +60,8 @@ class TomlSection {
  public:
   [[nodiscard]] bool exists() const { return table_ != nullptr; }
   [[nodiscard]] bool has(const char* key) const;
+  /// Where it stands in the file, from 1; 0: it does not.
+  [[nodiscard]] std::uint32_t line(const char* key) const;
 
   bool read_number(const char* key, const Limits& limits, double* value) const;
   bool read_integer(const char* key, const Limits& limits, std::int64_t* value) const;

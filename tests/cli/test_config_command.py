@@ -139,8 +139,14 @@ class ConfigCommand(Case):
         text = new.read_text()
         self.assertTrue(set(VEHICLE.splitlines()) <= set(text.splitlines()))
         self.assertIn("schema_version = 1\n", text)
+        # Each change is told, with the line that it is in.
+        for number, line in enumerate(text.splitlines(), 1):
+            if line in ("voxel_budget = 0", "schema_version = 1"):
+                self.assertIn(f"new.toml:{number}: ", done.stderr)
+        self.assertIn("schema version 0 to 1, 2 changes\n", done.stderr)
         again = self.expect(self.run_leadline("config", "migrate", new, "--out", "-"), OK)
         self.assertEqual(again.stdout, text)
+        self.assertIn("schema version 1 to 1, 0 changes\n", again.stderr)
         # Keys that nobody knows are not carried along in silence.
         self.vehicle.write_text(VEHICLE + "colour = \"red\"\n")
         self.expect(self.run_leadline("config", "migrate", self.vehicle, "--out", self.dir / "x"), USAGE,

@@ -32,7 +32,8 @@ NEEDS = {
     "gcc-O3-native": [],
     "clang-O0": ["clang++-14"],
 }
-DEFAULT = "native gcc-O0 clang aarch64 armhf cortex-m7"
+# armhf-v7a: what the package is.
+DEFAULT = "native gcc-O0 clang aarch64 armhf-v7a cortex-m7"
 LINE = re.compile(r"^map_hash=0x[0-9a-f]{16} link_hash=0x[0-9a-f]{16} cells_hash=0x[0-9a-f]{16} "
                   r"same_as_flight=(true|false|unknown)")
 SKIPPED = 77

@@ -92,7 +92,7 @@ TEST(steps_apply_in_order_and_all_else_stays) {
                       "\n"
                       "[log]\n"
                       "max = 0");
-  assert_int_equal(now.changes.size(), 6);
+  assert_int_equal(now.changes.size(), 7);
   // Once more changes nothing, and says so.
   const Migrated again = lifted(now.text);
   assert_int_equal(again.from, 4);
@@ -103,10 +103,12 @@ TEST(steps_apply_in_order_and_all_else_stays) {
 TEST(a_file_that_says_no_version_says_one_then) {
   const Migrated now = lifted("# head\n\n[link]\nrate_bytes_s = 1\nmtu = 2\n[log]\nmax = 1\n", 2);
   assert_int_equal(now.from, 2);
+  assert_int_equal(now.changes.size(), 2);
+  assert_true(now.changes[0].find("3: schema_version = 4") == 0);
+  assert_true(now.changes[1].find("6: ") == 0);  // of the lifted file
   assert_string_equal(
       now.text.c_str(),
       "# head\n\nschema_version = 4\n\n[link]\nrate = 1\nmtu = 2\n[log]\nmax = 1\n");
-  assert_int_equal(now.changes.size(), 1);
   // Windows' line ends stay.
   const Migrated dos = lifted("schema_version = 3\r\n[link]\r\nrate_bytes_s = 1\r\n");
   assert_string_equal(dos.text.c_str(), "schema_version = 4\r\n[link]\r\nrate = 1\r\n");
@@ -125,7 +127,7 @@ TEST(a_vehicle_file_from_before_the_default_budget_flies_as_it_did) {
   const auto steps = vehicle_schema_steps();
   assert_int_equal(steps.back().version + 1, leadline::host::kVehicleSchemaVersion);
   const Migrated now = migrate_toml(old, "old.toml", 0, steps);
-  assert_int_equal(now.changes.size(), 1);
+  assert_int_equal(now.changes.size(), 2);
   const auto file = parse_vehicle_file(now.text, "new.toml", "");
   assert_true(file.voxel_budget_given);
   assert_int_equal(file.config.cycle_voxel_budget, 0);

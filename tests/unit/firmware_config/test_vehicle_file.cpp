@@ -501,11 +501,12 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
       {kSmallest + "lever_arm_mm = 3\n",
        "[link] lever_arm_mm: unknown key; it belongs to [[mount]]"},
       {"[grid]\ncell_mm = 1000\nsize = [8, 8, 2000]\norigin_mm = [0, 0, 0]\n" + kMount + rest,
-       "over the capacity of 1024 cells on axis 2"},
+       ":3: [grid] size = [8, 8, 2000]: 128000 voxels, and over the capacity of 1024 cells on axis "
+       "2"},
       {"[grid]\ncell_mm = 1\nsize = [8, 8, 8]\norigin_mm = [0, 0, 0]\n[sonar]\nmax_range_mm = "
        "9000\n" +
            kMount + rest,
-       "max_range_mm = 9000: has to be at most 8000 cells = 8000 mm"},
+       ":6: [sonar] max_range_mm = 9000: has to be at most 8000 cells = 8000 mm"},
   };
   for (const Case& bad : cases) {
     assert_contains(error_of(bad.text), bad.message);
