@@ -59,7 +59,7 @@ std::string usage_error(const MapConfig& config, std::uint32_t budget = 0) {
     code = error.code();
   }
   assert_int_equal(code, ExitCode::kUsage);
-  assert_true(message.find("c.toml: ") == 0);
+  assert_true(message.find("c.toml:") == 0);
   return message;
 }
 
