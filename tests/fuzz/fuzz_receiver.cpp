@@ -1,9 +1,20 @@
 // The topside over any bytes of a link: no frame, message or order of them may break it, and what it holds
-// stays consistent. Another major version is refused by an error, which is allowed.
+// stays consistent. Another major version is refused by an error, which is allowed. A page is sent the map as it is; the
+// bytes as a recording, to its end, back and forward again, give one and the same map.
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/monitor/live_map.hpp"
+#include "host_tools/monitor/page_messages.hpp"
+#include "host_tools/monitor/page_state.hpp"
+#include "host_tools/monitor/player.hpp"
 #include "host_tools/topside/receiver.hpp"
 
 namespace {
@@ -14,11 +25,66 @@ void check(bool good) {
   }
 }
 
+using namespace leadline::host;
+
+// A larger grid costs the time of many others, and shows nothing else.
+constexpr std::uint32_t kMostTiles = 4096;
+
+void show(const Receiver& receiver) {
+  LiveMap map;
+  map.follow(*receiver.store(), 1'000'000);
+  PageState state;
+  state.follow(receiver, 1.0);
+  const std::string json = state.json(receiver, {}, 2.0);
+  static const std::string palettes = palettes_json();
+  Track track;
+  PageCursor cursor;
+  std::size_t tiles = 0;
+  int messages = 0;
+  while (const auto message =
+             next_page_message({&palettes, &map, &track, 1, &json, true}, &cursor)) {
+    const bool cells = !message->text && message->bytes[0] == 1;
+    tiles += cells ? (message->bytes.size() - kTileHeader_bytes) / kPageTile_bytes : 0;
+    messages += 1;
+    check(messages < 1000);
+  }
+  check(cursor.complete && tiles == receiver.store()->known_tiles());
+}
+
+void play(const std::uint8_t* data, std::size_t size) {
+  static const int fd = ::memfd_create("recording", MFD_CLOEXEC);
+  check(fd >= 0 && ::ftruncate(fd, 0) == 0 &&
+        ::pwrite(fd, data, size, 0) == static_cast<ssize_t>(size));
+  Player player("/proc/self/fd/" + std::to_string(fd), 0.0);
+  auto receiver = std::make_unique<Receiver>();
+  double now_s = 0.0;
+  const auto settle = [&] {
+    do {
+      now_s += 0.02;
+      player.step(now_s, {[&] { receiver = std::make_unique<Receiver>(); },
+                          [&](const std::uint8_t* bytes, std::size_t count,
+                              leadline::base::TimeUs) { receiver->feed(bytes, count); }});
+    } while (player.seeking());
+  };
+  const auto hash = [&] {
+    return receiver->store() != nullptr ? receiver->store()->cells_hash() : 0;
+  };
+  settle();
+  const std::uint64_t end = hash();
+  for (const double share : {0.5, 0.0, 1.0}) {
+    PageRequest request;
+    request.kind = PageRequest::Kind::kSeek;
+    request.t_s = share * player.length_s();
+    player.take(request);
+    settle();
+  }
+  check(hash() == end);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using leadline::host::HostError;
-  using leadline::host::Receiver;
+  (void)parse_page_request({reinterpret_cast<const char*>(data), size});
   Receiver receiver;
   try {
     receiver.feed(data, size);
@@ -30,6 +96,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     check(receiver.store()->known_cells() <= receiver.store()->grid_cells());
     check(receiver.store()->known_tiles() <= receiver.store()->tile_count());
     check(receiver.store()->tiles_incomplete() <= receiver.store()->known_tiles());
+    if (receiver.store()->tile_count() <= kMostTiles) {
+      show(receiver);
+      play(data, size);
+    }
   }
   (void)receiver.take_notices();
   (void)receiver.resend_request();

@@ -2,16 +2,21 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "host_tools/exit_codes.hpp"
 #include "host_tools/monitor/live_map.hpp"
 #include "host_tools/monitor/page_messages.hpp"
+#include "host_tools/monitor/player.hpp"
 #include "host_tools/monitor/rate_window.hpp"
 #include "host_tools/monitor/track.hpp"
+#include "host_tools/topside/receiver.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -297,6 +302,100 @@ TEST(a_viewer_gets_a_thinned_track_anew) {
       (void)stage.serve(&viewer);
       assert_int_equal(viewer.track_points, stage.track.points().size());
     }
+  }
+}
+
+/// Frames of a flight: a status and a cell each second.
+std::string recording(int seconds) {
+  std::vector<std::uint8_t> payload(leadline::proto::kMaxPayload_bytes);
+  std::string bytes;
+  const auto add = [&](std::size_t size) {
+    std::vector<std::uint8_t> frame(leadline::proto::frame_bound_bytes(size));
+    frame.resize(
+        leadline::proto::encode_frame(payload.data(), size, frame.data(), frame.size()).value());
+    bytes.append(frame.begin(), frame.end());
+  };
+  add(leadline::proto::encode_hello(square_grid(64), payload.data(), payload.size()).value());
+  for (int second = 0; second < seconds; ++second) {
+    leadline::proto::Status status{};
+    status.t_us = 50'000'000 + second * 1'000'000;
+    add(leadline::proto::encode_status(status, payload.data(), payload.size()).value());
+    CodedCell cells[kTileArea_cells] = {};
+    cells[second] = leadline::proto::code_cell(1000 + second, 1024, 0);
+    leadline::proto::CellMask changed{};
+    changed.set(second);
+    leadline::proto::CellMask taken{};
+    add(leadline::proto::encode_tile({static_cast<std::uint32_t>(second % 16),
+                                      static_cast<std::uint32_t>(second) + 1, cells, changed},
+                                     leadline::proto::survey_tag(7, 1), payload.data(),
+                                     payload.size(), taken)
+            .value());
+  }
+  return bytes;
+}
+
+TEST(a_recording_is_moved_to_any_moment) {
+  const std::string path = leadline::test::scratch_directory() + "/link.bin";
+  // What was cut off at the end of a recording harms nothing.
+  std::ofstream(path, std::ios::binary) << recording(101) << "\x05torn";
+  leadline::host::Player player(path, 0.0);
+  assert_float_equal(player.length_s(), 100.0, 1e-6);
+  auto receiver = std::make_unique<leadline::host::Receiver>();
+  int restarts = 0;
+  double now_s = 7.0;
+  const auto settle = [&](double elapsed_s) {
+    now_s += elapsed_s;
+    do {
+      player.step(now_s, {[&] {
+                            receiver = std::make_unique<leadline::host::Receiver>();
+                            restarts += 1;
+                          },
+                          [&](const std::uint8_t* data, std::size_t size, leadline::base::TimeUs) {
+                            receiver->feed(data, size);
+                          }});
+    } while (player.seeking());
+    return receiver->store() == nullptr ? 0 : receiver->store()->known_cells();
+  };
+  const auto seek = [&](double t_s) {
+    PageRequest request;
+    request.kind = PageRequest::Kind::kSeek;
+    request.t_s = t_s;
+    player.take(request);
+  };
+  assert_int_equal(settle(0.0), 101);  // stands at the end
+  const std::uint64_t whole = receiver->store()->cells_hash();
+  seek(40.0);
+  assert_int_equal(settle(0.0), 41);
+  assert_int_equal(restarts, 1);
+  seek(60.5);
+  assert_int_equal(settle(0.0), 61);
+  assert_int_equal(restarts, 1);  // ahead needs none
+  seek(0.0);
+  assert_int_equal(settle(0.0), 1);
+  PageRequest play;
+  play.kind = PageRequest::Kind::kPlay;
+  play.speed = 10.0;
+  player.take(play);
+  assert_int_equal(settle(2.0), 21);
+  player.take(PageRequest{});  // pause
+  assert_int_equal(settle(100.0), 21);
+  player.take(play);
+  assert_int_equal(settle(1000.0), 101);
+  assert_false(player.playing());
+  assert_true(receiver->store()->cells_hash() == whole);
+  player.take(play);  // from the beginning again
+  assert_int_equal(settle(1.0), 1);
+  assert_int_equal(settle(1.0), 11);
+  seek(1e9);
+  assert_int_equal(settle(0.0), 101);
+  assert_true(receiver->store()->cells_hash() == whole);
+  const std::string none = leadline::test::scratch_directory() + "/none.bin";
+  std::ofstream(none) << "no frames here";
+  try {
+    const leadline::host::Player nothing(none, 0.0);
+    fail_msg("a file without a frame was taken");
+  } catch (const leadline::host::HostError& error) {
+    assert_true(std::string(error.what()).find("holds no frame") != std::string::npos);
   }
 }
 
