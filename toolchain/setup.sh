@@ -32,6 +32,7 @@ packages=(
 # user-mode-linux, kmod, iproute2: a kernel with CAN as a plain process (tests/cli/test_kernel_buses_ci.sh).
 # frama-c-base, why3, z3: toolchain/prove.sh. strace: tests/cli/test_timing_ci.py. chromium: the monitor's page in a
 # browser (tests/browser), as are node and, from the npm registry, playwright-core. tshark: cli.wireshark.
+# With --full also copc, from there, which reads LAS (tests/cli/test_export_readers_full.py).
 check_packages=(
   clang-14 clang-format-14 clang-tidy-14 libclang-rt-14-dev llvm-14 gcovr
   user-mode-linux kmod iproute2 dpkg-dev
@@ -50,18 +51,23 @@ cross_packages=(g++-aarch64-linux-gnu g++-arm-linux-gnueabihf qemu-user-static d
 
 dry_run=0
 browser=0
-# A browser's driver for tests/cli/test_monitor_page_ci.sh, which is skipped without.
-install_browser_driver() {
-  local folder="$root/build/browser"
-  if [ "$browser" -eq 0 ] || cmp -s "$root/tests/browser/package-lock.json" "$folder/package-lock.json"; then
+full=0
+# What a test needs of the npm registry, as its lock file says; the test is skipped without.
+install_node_modules() {
+  local from="$root/$1" folder="$root/build/$2"
+  if cmp -s "$from/package-lock.json" "$folder/package-lock.json"; then
     return 0
   fi
   mkdir -p "$folder"
-  cp "$root/tests/browser/package.json" "$folder"
-  (cd "$folder" && cp "$root/tests/browser/package-lock.json" npm-shrinkwrap.json &&
+  cp "$from/package.json" "$folder"
+  (cd "$folder" && cp "$from/package-lock.json" npm-shrinkwrap.json &&
     npm ci --ignore-scripts --no-audit --no-fund >npm.log 2>&1 &&
     mv npm-shrinkwrap.json package-lock.json) ||
-    warn "playwright-core could not be installed (build/browser/npm.log): the page's browser test will be skipped"
+    warn "what $1 needs could not be installed (build/$2/npm.log): its test will be skipped"
+}
+install_all_node_modules() {
+  [ "$browser" -eq 0 ] || install_node_modules tests/browser browser
+  [ "$full" -eq 0 ] || install_node_modules tests/cli/support/las_reader las_reader
 }
 while [ $# -gt 0 ]; do
   case $1 in
@@ -69,7 +75,10 @@ while [ $# -gt 0 ]; do
       packages+=("${check_packages[@]}")
       browser=1
       ;;
-    --full) packages+=("${full_packages[@]}") ;;
+    --full)
+      packages+=("${full_packages[@]}")
+      full=1
+      ;;
     --clang) packages+=(clang-14) ;;
     --packages) packages+=(dpkg-dev debootstrap systemd-container) ;;
     --cross) packages+=("${cross_packages[@]}") ;;
@@ -98,7 +107,7 @@ for package in "${packages[@]}"; do
 done
 
 if [ ${#missing[@]} -eq 0 ]; then
-  [ "$dry_run" -eq 1 ] || install_browser_driver
+  [ "$dry_run" -eq 1 ] || install_all_node_modules
   echo "setup: nothing is missing"
   exit 0
 fi
@@ -127,5 +136,5 @@ quietly() {
 quietly apt_get update
 echo "setup: installing ${#missing[@]} packages and what they need (a few minutes on a fresh machine)"
 quietly apt_get install -y --no-install-recommends "${missing[@]}"
-install_browser_driver
+install_all_node_modules
 echo "setup: done"

@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""What PCL makes of our PLY files, and an independent reader of the LAS: the same points, all of them.
+"""What PCL makes of our PLY files, and independent readers of the LAS: the same points, all of them.
 
-PCL reads no LAS, and Debian 12 packages no reader of it: here the LAS is taken apart by the offsets of the
-standard's tables (ASPRS LAS 1.2, 2008), with nothing of the writer's.
+PCL reads no LAS, and Debian 12 packages no reader of it. Two do: `copc` of the npm registry, by the authors of PDAL,
+with extra bytes; and here the LAS is taken apart by the offsets of the standard's tables (ASPRS LAS 1.2, 2008), with
+nothing of the writer's.
 """
 
+import os
 import pathlib
 import shutil
 import struct
@@ -17,6 +19,9 @@ from contract import OK, Case  # noqa: E402
 
 PLY_TO_PCD = "pcl_ply2pcd"
 SKIPPED = 77
+LAS_MODULES = pathlib.Path(os.environ["LEADLINE_ROOT"]) / "build" / "las_reader"
+LAS_POINTS = pathlib.Path(__file__).resolve().parent / "support" / "las_reader" / "las_points.mjs"
+GROUND = 2
 
 
 def read_pcd(path):
@@ -86,6 +91,22 @@ class Readers(Case):
 
     def test_las_has_the_cells(self):
         self.same(read_las(self.exported("cells.las")), self.cells(), 1e-4)
+
+    @unittest.skipUnless((LAS_MODULES / "node_modules" / "copc").is_dir(), "no copc (toolchain/setup.sh --full)")
+    def test_another_reader_has_the_cells_with_their_sigmas(self):
+        las = self.exported("cells.las")
+        done = subprocess.run(["node", str(LAS_POINTS), str(las), str(LAS_MODULES)], capture_output=True, text=True,
+                              timeout=60, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows = [tuple(map(float, line.split())) for line in done.stdout.splitlines()]
+        self.same([row[:3] for row in rows], self.cells(), 1e-4)
+        self.assertEqual({row[3] for row in rows}, {GROUND})
+        text = (self.out / "sigma.asc").read_text().splitlines()
+        nodata = next(line.split()[1] for line in text if line.lower().startswith("nodata"))
+        sigmas = [float(word) for line in text if not line[0].isalpha() for word in line.split() if word != nodata]
+        self.assertEqual(len(rows), len(sigmas))
+        for row, sigma in zip(rows, sigmas):
+            self.assertAlmostEqual(row[4], sigma, delta=1e-3 * sigma)
 
 
 if __name__ == "__main__":
