@@ -3,7 +3,7 @@
 #
 # usage: toolchain/setup.sh [--checks] [--full] [--clang] [--cross] [--m7] [--packages] [--dry-run]
 #   --checks    also what the ci and full tiers need: clang 14 tools and gcovr
-#   --full      also what only the full tier needs: PCL, which reads our point clouds (300 MB)
+#   --full      also what only the full tier needs: PCL, which reads our point clouds (300 MB), and copc, which reads LAS
 #   --clang     also clang 14, the compiler alone
 #   --cross     also compilers for ARM Linux (aarch64, armhf), and QEMU to run what they make
 #   --m7        also what toolchain/m7.sh needs: the compiler for bare metal, 2.4 GB, and QEMU
