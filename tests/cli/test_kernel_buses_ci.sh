@@ -3,14 +3,11 @@
 # plain process. Debian's packaged one (user-mode-linux) brings CAN; that of toolchain/user_mode_kernel.sh,
 # where it has been built, CAN and GPIO. Skipped where there is neither.
 set -euo pipefail
+source "$LEADLINE_ROOT/tests/cli/support/user_mode_guest.sh"
 
 program=$LEADLINE_BUILD/tests/unit.hal_linux.kernel_buses
 built=$("$LEADLINE_ROOT/toolchain/user_mode_kernel.sh" --print-path)
 packaged=$(command -v linux.uml || true)
-skip() {
-  echo "*skipped*: $*"
-  exit 77
-}
 PATH=$PATH:/usr/sbin:/sbin command -v ip >/dev/null || skip "no ip: apt-get install iproute2"
 [ -x "$program" ] || skip "$program has not been built"
 if [ -x "$built" ]; then
@@ -27,19 +24,8 @@ else
   skip "no user-mode kernel: apt-get install user-mode-linux, or toolchain/user_mode_kernel.sh"
 fi
 
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
-init=$LEADLINE_ROOT/tests/cli/support/kernel_buses_init.sh
-status=0
-# UML writes its state under TMPDIR and HOME.
-HOME=$work TMPDIR=$work timeout 300 "$kernel" mem=256M rootfstype=hostfs rootflags=/ ro "init=$init" \
-  "LEADLINE_TEST=$program" quiet con=null con0=fd:0,fd:1 </dev/null >"$work/console" 2>&1 || status=$?
-tr -d '\r' <"$work/console" >"$work/log"
-cat "$work/log"
-grep -q '^GUEST-STARTED' "$work/log" ||
-  skip "this machine does not let a user-mode kernel start (exit $status)"
-grep -q '^GUEST-RC=' "$work/log" || { echo "the guest did not get to its end (exit $status)"; exit 1; }
+run_guest "$kernel" kernel_buses_init.sh "LEADLINE_TEST=$program"
 for name in $needed; do
-  grep -q "OK \] $name" "$work/log" || { echo "$name... did not run"; exit 1; }
+  grep -q "OK \] $name" "$guest_log" || { echo "$name... did not run"; exit 1; }
 done
-grep -q '^GUEST-RC=0$' "$work/log"
+grep -q '^GUEST-RC=0$' "$guest_log"
