@@ -315,7 +315,7 @@ TEST(edges_come_with_the_time_that_the_kernel_saw_them) {
   const auto port = port_of("gpio:" + line);
   wait_open(*port);
   assert_true(next(*port).bytes == from_text("L"));  // the level, which is no edge
-  int older = 0;  // than their reading
+  int older = 0;                                     // than their reading
   for (int i = 0; i < 20; ++i) {
     const bool up = i % 2 == 0;
     const auto before_us = monotonic_us();
