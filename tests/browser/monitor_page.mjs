@@ -184,6 +184,9 @@ step("profile, distance and area give the map's own figures", async () => {
   close(Number.parseFloat(shown[0]), Math.min(...line), 0.011, "shallowest");
   close(Number.parseFloat(shown[1]), Math.max(...line), 0.011, "deepest");
   assert.ok((await page.locator(".chart polyline").first().getAttribute("points")).length > 100);
+  // The line is not behind its own figures.
+  const top = (await page.locator("#readout").boundingBox()).y;
+  for (const end of [a, b]) assert.ok((await screen(...end)).y < top, "in sight");
   await shot("profile");
   await page.keyboard.press("d");
   await clickCell(...a);

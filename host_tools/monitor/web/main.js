@@ -388,6 +388,18 @@ function addPoint(place) {
   if (page.tool === "inspect") setPoints([place]);
   else if (page.tool === "profile" && page.points.length >= 2) setPoints([place]);
   else setPoints([...page.points, place]);
+  keepInSight();
+}
+
+/** Moves the view where what was just drawn lies behind the figures about it, as far as its other points stay in sight. */
+function keepInSight() {
+  const box = $("readout").getBoundingClientRect(), border = 24;
+  const at = page.points.map((point) => scene.project({ ...point, downM: page.store.at(point.northM, point.eastM)?.depthM ?? point.downM }))
+    .filter((spot) => spot);
+  const hidden = at.filter(({ x, y }) => y > box.top - border && x > box.left - border && x < box.right + border);
+  if (!box.height || page.points.length < 2 || !hidden.length) return;
+  const byPx = Math.min(Math.max(...hidden.map(({ y }) => y)) - box.top + border, Math.min(...at.map(({ y }) => y)) - margins().top - border);
+  if (byPx > 0) scene.nudge(0, -byPx / scene.height);
 }
 
 function figure(list, label, text, id) {
