@@ -109,7 +109,7 @@ in_system systemd-analyze verify --man=no leadline-vehicle.service
 in_system systemd-analyze security --offline=true --threshold=25 --no-pager leadline-vehicle.service | tail -n 1
 mount -t proc proc "$system/proc"
 mount -t sysfs -o ro sysfs "$system/sys"
-trap 'umount "$system/dev/pts" "$system/sys" "$system/proc" 2>/dev/null; rm -rf "$scratch"' EXIT
+trap 'umount "$system/dev/pts" "$system/sys" "$system/proc" 2>/dev/null || true; rm -rf --one-file-system "$scratch"' EXIT
 in_system udevadm test /sys/class/tty/tty 2>&1 | tee "$scratch/log" | grep 'leadline' || die "$(cat "$scratch/log")"
 ! grep 'leadline.rules:[0-9]' "$scratch/log" || die "the rules are wrong"
 say "an emulated survey, as the service's user"
@@ -171,7 +171,7 @@ say "the service, under a systemd of its own"
 quietly in_system sh -c 'dpkg -i /tmp/leadline*.deb'
 umount "$system/dev/pts" "$system/sys" "$system/proc"
 mv "$system/tmp/9.1.deb" "$system/opt/next.deb"
-cp "$root/toolchain/packaging/service_trial.sh" "$system/opt"
+cp "$root/toolchain/packaging/service_trial.sh" "$root/tests/data/small_vehicle.toml" "$system/opt"
 cat >"$system/etc/systemd/system/trial.service" <<'UNIT'
 [Unit]
 After=multi-user.target

@@ -12,6 +12,7 @@ for tool in prlimit setpriv; do
 done
 config=$guest_work/config
 "$LEADLINE" emulate --write-config "$config" --ports "$config/ports" --link udp:127.0.0.1:9100 >/dev/null
-run_guest "$kernel" real_time_init.sh "LEADLINE_VEHICLE=$LEADLINE_VEHICLE" "LEADLINE_TABLE=$config/beam.llt" \
+cp "$LEADLINE_ROOT/tests/data/small_vehicle.toml" "$config/vehicle.toml"
+run_guest "$kernel" real_time_init.sh "LEADLINE_VEHICLE=$LEADLINE_VEHICLE" "LEADLINE_CONFIG=$config" \
   "LEADLINE_UNIT=$LEADLINE_ROOT/toolchain/packaging/leadline-vehicle.service"
 grep -q '^GUEST-RC=0$' "$guest_log"

@@ -3,6 +3,7 @@ is nobody."""
 
 import os
 import pathlib
+import shutil
 import signal
 import socket
 import subprocess
@@ -14,27 +15,13 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
 from contract import LEADLINE, OK, Case  # noqa: E402
 
 VEHICLE = os.environ["LEADLINE_VEHICLE"]
-TOML = """\
-[grid]
-cell_mm = 500
-size = [32, 32, 16]
-origin_mm = [0, 0, 0]
-[[mount]]
-name = "down"
-table = "beam.llt"
-[[port]]
-uri = "serial:not-there:115200"
-driver = "ping1d"
-optional = true
-[link]
-uri = "udp:127.0.0.1:9"
-"""
+TOML = pathlib.Path(os.environ["LEADLINE_ROOT"], "tests/data/small_vehicle.toml")
 
 
 class Service(Case):
     def setUp(self):
         super().setUp()
-        (self.dir / "vehicle.toml").write_text(TOML)
+        shutil.copy(TOML, self.dir / "vehicle.toml")
         subprocess.run([LEADLINE, "table", "--config", self.config, "--out", self.dir / "beam.llt"], check=True,
                        stdout=subprocess.DEVNULL)
         self.manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -57,7 +44,7 @@ class Service(Case):
         self.assertEqual([self.heard() for _ in range(4)], ["READY=1"] + ["WATCHDOG=1"] * 3)
         # A program that stands still gives no sign.
         process.send_signal(signal.SIGSTOP)
-        time.sleep(0.2)
+        os.waitpid(process.pid, os.WUNTRACED)  # it stands
         self.manager.setblocking(False)
         try:
             while True:

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Tries the service under a systemd of its own; toolchain/package.sh --try boots a container with it (systemd-nspawn). Both
-# packages are installed, /opt/next.deb is the vehicle's next version, /opt/trial receives what was found: its last line is
-# `held`, or what did not.
+# packages are installed; /opt/small_vehicle.toml is a configuration, /opt/next.deb the vehicle's next version. /opt/trial
+# receives what was found: its last line is `held`, or what did not.
 exec >/opt/trial 2>&1
 set -u
 unit=leadline-vehicle.service
@@ -28,25 +28,11 @@ restarted() { [ "$(value NRestarts)" -ge "$1" ] && [ "$(value ActiveState)" = ac
 cd /etc/leadline || exit
 leadline emulate --set north_count=40 --set east_count=40 --write-config /tmp/emulated --ports /tmp/ports --link udp:127.0.0.1:9100
 cp /tmp/emulated/beam.llt .
-cat >vehicle.toml <<TOML
-[grid]
-cell_mm = 500
-size = [32, 32, 16]
-origin_mm = [0, 0, 0]
-[[mount]]
-name = "down"
-table = "beam.llt"
-[[port]]
-uri = "serial:/dev/leadline/by-serial/none-00:115200"
-driver = "ping1d"
-optional = true
+sed 's|serial:not-there|serial:/dev/leadline/by-serial/none-00|; s|survey.lll|/var/lib/leadline/&|' /opt/small_vehicle.toml >vehicle.toml
+cat >>vehicle.toml <<TOML
 [[port]]
 uri = "udp:@:9200"
 driver = "nmea"
-[link]
-uri = "udp:127.0.0.1:9100"
-[log]
-path = "/var/lib/leadline/survey.lll"
 TOML
 
 [ "$(systemctl is-enabled $unit)" = disabled ] || fail "the package enables the service"

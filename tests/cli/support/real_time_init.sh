@@ -1,6 +1,6 @@
 #!/bin/sh
 # First process of the user-mode kernel of test_real_time_kernel_ci.sh. On the kernel's command line: LEADLINE_VEHICLE
-# (program), LEADLINE_TABLE, LEADLINE_UNIT.
+# (program), LEADLINE_CONFIG (folder: vehicle.toml, beam.llt), LEADLINE_UNIT.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin
 echo GUEST-STARTED
 mount -t proc proc /proc
@@ -47,23 +47,7 @@ stop() {
 
 cd /mnt || exit
 # Copies: that user need not be let into the checkout.
-cp "$LEADLINE_VEHICLE" "$LEADLINE_TABLE" /mnt
-cat >vehicle.toml <<TOML
-[grid]
-cell_mm = 500
-size = [32, 32, 16]
-origin_mm = [0, 0, 0]
-[[mount]]
-name = "down"
-table = "$(basename "$LEADLINE_TABLE")"
-[[port]]
-uri = "udp:@:9200"
-driver = "nmea"
-[link]
-uri = "udp:127.0.0.1:9100"
-[log]
-path = "survey.lll"
-TOML
+cp "$LEADLINE_VEHICLE" "$LEADLINE_CONFIG"/* /mnt
 
 start --memlock="$(limit LimitMEMLOCK)" --rtprio="$(limit LimitRTPRIO)"
 grep -q 'memory locked, SCHED_FIFO 20$' said || fail "it does not have what the unit allows"
