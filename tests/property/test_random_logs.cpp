@@ -2,9 +2,8 @@
 // bytes, random grids, rules, tables, water and links, an uplink that asks for random things, times that go back. Each
 // is logged as a vehicle logs, and its log replays to the same bits.
 //
-// LEADLINE_RANDOM_LOGS=DIR leaves the logs there (0000.lll ...; those with a Kongsberg head, which the smallest
-// targets leave out, as 0000-kongsberg.lll), LEADLINE_RANDOM_LOG_COUNT says how many: so that other targets
-// can be compared (tests/cli/test_same_bits_ci.py, toolchain/soak.sh --targets). --seed N makes others.
+// LEADLINE_RANDOM_LOGS=DIR leaves the logs there (0000.lll ...), LEADLINE_RANDOM_LOG_COUNT says how many: so that other
+// targets can be compared (tests/cli/test_same_bits_ci.py, toolchain/soak.sh --targets). --seed N makes others.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -573,8 +572,7 @@ TEST(what_was_flown_is_replayed) {
     }
     if (folder != nullptr) {
       char name[64];
-      std::snprintf(name, sizeof name, "/%04d%s.lll", k,
-                    flight->has(Driver::kKongsberg) ? "-kongsberg" : "");
+      std::snprintf(name, sizeof name, "/%04d.lll", k);
       std::ofstream file(folder + std::string(name), std::ios::binary);
       file.write(reinterpret_cast<const char*>(flight->log.data()),
                  static_cast<std::streamsize>(flight->log.size()));
