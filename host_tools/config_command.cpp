@@ -58,6 +58,10 @@ int run_config_compile(const ConfigOptions& options) {
   }
   const M7Load load = m7_load(file.config, file.cycle_us, tables, options.beams);
   std::cerr << options.path << ": " << m7_load_text(load) << "\n";
+  const std::string pass = m7_pass_text(file.config, file.cycle_us);
+  if (!pass.empty()) {
+    std::cerr << options.path << ": " << pass << "\n";
+  }
   const std::string warning =
       m7_load_warning(file.config, file.cycle_us, tables, options.beams, load);
   if (!warning.empty()) {

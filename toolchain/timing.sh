@@ -6,7 +6,8 @@
 #   (none)      the tables of firmware/README.md, "Timing"
 #   --check     only the kept worst pings: exit code 1 when the worst of a head costs over 2 % more than
 #               tests/data/worst_pings/ceilings.txt says
-#   --search N  looks for worse pings: N of each head on this machine, the worst hundred replayed on the target
+#   --search N  looks for worse pings: N of each head on this machine, the worst hundred replayed on the target; and for
+#               the dearest columns and cycles of an extraction, on the target
 #   --listing   the inner loop as compiled
 #   --cycles    only the last of the tables: whole cycles, from the devices' bytes to the link's
 #
@@ -47,7 +48,7 @@ build_image() {
   mkdir -p "$root/build"
   exec 9>"$root/build/.cortex-m7.lock" # as toolchain/m7.sh: two tests may ask at once
   flock 9
-  configure_and_build cortex-m7 leadline-m7-cost leadline-m7-replay >"$out/build.log" 2>&1 || {
+  configure_and_build cortex-m7 leadline-m7-cost leadline-m7-extraction leadline-m7-replay >"$out/build.log" 2>&1 || {
     cat "$out/build.log" >&2
     die "cortex-m7 cannot be built"
   }
@@ -123,6 +124,8 @@ case $mode in
         awk -v head="$head" '{++n; if ($5 > $1) ++above; if ($5 > worst) worst = $5}
           END {print head ": " n " replayed on the target, worst " worst ", above their own price " above + 0}'
     done
+    path="$out/ping1d.cost"
+    m7_run "${image/cost.elf/extraction.elf}" "arg=extraction,arg=${path//,/,,}"
     ;;
   listing)
     "$root/toolchain/setup.sh" --m7

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "firmware/config/m7_prices.hpp"
 #include "firmware/pipeline/mount_pose.hpp"
 #include "hal/heads/cerulean.hpp"
 #include "hal/heads/deltat83p.hpp"
@@ -111,7 +112,7 @@ struct PassColumns {
 
   [[nodiscard]] double all() const { return read + smoothed + assessed; }
   [[nodiscard]] double instructions(std::int32_t depth_cells) const {
-    const M7ColumnPrices& price = kM7ColumnPrices;
+    const m7::UsualColumn& price = m7::kUsualColumn;
     return read * (price.read + price.read_cell * depth_cells) + smoothed * price.smoothed +
            assessed * (price.assessed + price.compared);
   }
@@ -230,7 +231,7 @@ class Trial {
     (void)model_->integrate(ping, pose);
     shell_columns_ += model_->last_work().shell_columns;
     ++pings_;
-    return kM7UsualPing * m7_ping_instructions(model_->last_work(), grid.size[2]);
+    return m7::kUsualPing * m7_ping_instructions(model_->last_work(), grid.size[2]);
   }
 
  private:
@@ -320,11 +321,10 @@ class Sums {
     } else {
       // Several heads share the budget of a cycle.
       const double over = std::max(0.0, assessed_s_ - budget_columns_ * cycles_s_);
-      load.extraction = at_once_ - over * (kM7ColumnPrices.assessed + kM7ColumnPrices.compared);
+      load.extraction = at_once_ - over * (m7::kUsualColumn.assessed + m7::kUsualColumn.compared);
     }
-    load.rest =
-        cycles_s_ * kM7Cycle_instructions +
-        std::min<double>(config_.link.rate_bytes_s, new_cells_s_) * kM7DeltaByte_instructions;
+    load.rest = cycles_s_ * m7::kUsualCycle +
+                std::min<double>(config_.link.rate_bytes_s, new_cells_s_) * m7::kDeltaByte;
     return load;
   }
 
@@ -346,7 +346,7 @@ class Sums {
 }  // namespace
 
 double m7_ping_instructions(const model::PingWork& work, std::int32_t depth_cells) {
-  const M7PingPrices& price = kM7PingPrices;
+  const m7::PingPrices& price = m7::kPingPrices;
   return price.fixed + work.columns_read * (price.column_read + price.cell_read * depth_cells) +
          price.shell_row * work.shell_rows + price.shell_candidate * work.shell_candidates +
          price.shell_column * work.shell_columns + price.shell_voxel * work.shell_voxels +
@@ -393,6 +393,25 @@ std::string m7_load_text(const M7Load& load) {
       "%.1f %%, depths %.1f %%, all else %.1f %%",
       percent(load.pings + load.extraction + load.rest), load.pings_s, percent(load.pings),
       percent(load.extraction), percent(load.rest)));
+  return text.data();
+}
+
+std::string m7_pass_text(const firmware::VehicleConfig& config, base::TimeUs cycle_us) {
+  if (config.extract_interval_us == 0) {
+    return "";
+  }
+  const auto tiles = [](std::int32_t cells) {
+    return static_cast<std::uint32_t>((cells + model::kTileCells - 1) / model::kTileCells);
+  };
+  const model::ModelConfig& grid = config.model;
+  const auto most = static_cast<double>(
+      m7::pass_cycle_bound(config.cycle_tile_budget, static_cast<std::uint32_t>(grid.size[2]),
+                           tiles(grid.size[0]) * tiles(grid.size[1])));
+  std::array<char, 160> text{};
+  static_cast<void>(std::snprintf(
+      text.data(), text.size(),
+      "a pass of depths takes at most %.1f million instructions of a cycle, which has %.1f million",
+      most * 1e-6, static_cast<double>(cycle_us) * kM7Instructions_s * 1e-12));
   return text.data();
 }
 

@@ -1,5 +1,5 @@
 // What a configuration asks of a Cortex-M7, by estimate: instructions a second of whole cycles, before anything flies.
-// Prices are measured on QEMU's board (toolchain/timing.sh); instructions, not cycles: wait states of memory come on top
+// Prices: m7_prices.hpp; instructions, not cycles: wait states of memory come on top
 // (firmware/README.md, "Timing").
 #pragma once
 
@@ -15,44 +15,8 @@
 
 namespace leadline::host {
 
-/// Instructions that each kind of work of a ping costs at most: measured with room for the longest ways through, not
-/// derived. toolchain/timing.sh --search compares every ping that it replays.
-struct M7PingPrices {
-  double fixed = 7000;
-  double column_read = 1850;
-  double cell_read = 30;
-  double shell_row = 410;
-  double shell_candidate = 38;
-  double shell_column = 66;
-  double shell_voxel = 14.5;
-  double cone_row = 680;
-  double cone_candidate = 245;
-  double cone_column = 30;
-  double cone_run = 112;
-  double cone_voxel = 4.2;
-};
-inline constexpr M7PingPrices kM7PingPrices;
-/// What pings of surveys cost of these prices (toolchain/timing.sh: 0.866 to 0.873).
-inline constexpr double kM7UsualPing = 0.87;
-
-/// Of a ping that did `work` in a grid of so many cells of depth.
+/// Of a ping that did `work` in a grid of so many cells of depth, at most.
 [[nodiscard]] double m7_ping_instructions(const model::PingWork& work, std::int32_t depth_cells);
-
-/// Of a column in each stage of extraction, and of comparing it with what the link has: as of flights over whole maps,
-/// not at most.
-struct M7ColumnPrices {
-  double read = 250;  ///< and for each cell of depth
-  double read_cell = 30;
-  double smoothed = 4000;
-  double assessed = 1400;
-  double compared = 80;
-};
-inline constexpr M7ColumnPrices kM7ColumnPrices;
-
-/// Of a cycle, for everything that is neither ping nor extraction: devices' bytes, navigation, status.
-inline constexpr double kM7Cycle_instructions = 115'000;
-/// Of a byte of tile deltas.
-inline constexpr double kM7DeltaByte_instructions = 4500;
 
 inline constexpr double kM7Instructions_s = 480e6;
 /// Whole cycles may take so much of them: external memory's wait states come on top.
@@ -84,6 +48,9 @@ std::vector<std::string> set_m7_defaults(VehicleFile* file);
 /// For the user, without a line's end: what the load comes to; and, where it is over kM7Share, that, and what would
 /// help ("" where it is not).
 [[nodiscard]] std::string m7_load_text(const M7Load& load);
+/// What a pass of extraction takes of a cycle at most, and what a cycle has; "" where there are no passes.
+[[nodiscard]] std::string m7_pass_text(const firmware::VehicleConfig& config,
+                                       base::TimeUs cycle_us);
 [[nodiscard]] std::string m7_load_warning(const firmware::VehicleConfig& config,
                                           base::TimeUs cycle_us,
                                           const std::vector<model::LocalizationTable>& tables,

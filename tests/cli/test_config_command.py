@@ -69,8 +69,14 @@ class ConfigCommand(Case):
         self.assertIn("[cycle] tile_budget = 1, since the file does not say", done.stderr)
         self.assertEqual(self.cycle(), (1.5, 1))
         self.assertEqual(len(self.estimate(done)), 1)
+        most, has = re.search(r"at most ([0-9.]+) million instructions of a cycle, which has ([0-9.]+)",
+                              done.stderr).groups()
+        self.assertEqual(float(has), 9.6)
+        self.assertGreater(float(most), 10)
         self.vehicle.write_text(VEHICLE + "[cycle]\nextract_interval_s = 0\ntile_budget = 3\n")
-        self.assertNotIn("does not say", self.expect(self.compile(), OK).stderr)
+        told = self.expect(self.compile(), OK).stderr
+        self.assertNotIn("does not say", told)
+        self.assertNotIn("of a cycle", told)
         self.assertEqual(self.cycle(), (0, 3))
 
     def test_what_a_cortex_m7_cannot_carry_is_warned_of(self):

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "firmware/config/m7_load.hpp"
+#include "firmware/config/m7_prices.hpp"
 #include "firmware/m7/cost_file.hpp"
 #include "host_tools/table/generator.hpp"
 #include "model/model.hpp"
@@ -314,7 +315,7 @@ std::uint32_t voxel_cost(const Trial& trial, const Candidate& c) {
   return voxels;
 }
 
-constexpr leadline::host::M7PingPrices kCosts = leadline::host::kM7PingPrices;
+constexpr leadline::host::m7::PingPrices kCosts = leadline::host::m7::kPingPrices;
 
 std::uint32_t instruction_cost(const Trial& trial, const Candidate& c) {
   (void)voxel_cost(trial, c);
@@ -857,6 +858,11 @@ TEST(the_worst_pings_of_the_load_in_instructions) {
           static_cast<double>(outcome.worst) / bound, static_cast<long long>(outcome.above),
           shell_bound(trial));
       assert_true(outcome.above == 0);
+      constexpr std::uint32_t kTileBudget = 1;
+      std::printf("%s: a pass takes at most %llu instructions of a cycle\n", trial.name.c_str(),
+                  static_cast<unsigned long long>(leadline::host::m7::pass_cycle_bound(
+                      kTileBudget, static_cast<std::uint32_t>(trial.size[2]),
+                      the_model.grid().tile_count())));
     }
     assert_false(worst.empty());
     // No ping of the search wrote more than the bound allows, whatever it was looking for.
