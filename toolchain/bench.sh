@@ -4,6 +4,7 @@
 # usage: toolchain/bench.sh [--core N] [--list] [NAME...] [-- OPTION...]
 #   --core N    run on this core only (default: the last one, which interrupts like least)
 #   --list      only tell the names
+#   --aarch64   instead: instructions of the inner loops on aarch64, scalar and vector form (QEMU counts them; no times)
 #   NAME...     only these (default: all)
 #   OPTION...   handed to every bench, e.g. --benchmark_filter=REGEX
 #
@@ -14,6 +15,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 core=$(($(nproc) - 1))
 list=0
+aarch64=0
 names=()
 options=()
 while [ $# -gt 0 ]; do
@@ -24,6 +26,7 @@ while [ $# -gt 0 ]; do
       shift
       ;;
     --list) list=1 ;;
+    --aarch64) aarch64=1 ;;
     --)
       shift
       options=("$@")
@@ -38,6 +41,28 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
+
+# Of a call: the difference of two runs. QEMU writes a line for every instruction.
+count_aarch64() {
+  "$root/toolchain/setup.sh" --cross
+  local program="$root/out/bench/kernel_loop" run form counts few=100 many=300
+  mkdir -p "$root/out/bench"
+  (cd "$root" && aarch64-linux-gnu-g++ -std=c++17 -O3 -DNDEBUG -ffp-contract=off -static -I. \
+    tests/tools/kernel_loop.cpp model/column_kernels.cpp -o "$program")
+  lines() { qemu-aarch64-static -singlestep -d exec,nochain -D /dev/stdout "$program" "$@" | grep -c '^Trace'; }
+  for run in "shell 3" "shell 7" "shell 14" "empty 4" "empty 24" "empty 200"; do
+    counts=()
+    for form in scalar vector; do
+      counts+=($(($(lines ${run% *} $form ${run#* } $many) - $(lines ${run% *} $form ${run#* } $few))))
+    done
+    awk -v run="$run" -v s="${counts[0]}" -v v="${counts[1]}" -v n=$((many - few)) \
+      'BEGIN {printf "%s voxels: scalar %.0f instructions, vector %.0f, ratio %.1f\n", run, s / n, v / n, s / v}'
+  done
+}
+if [ "$aarch64" -eq 1 ]; then
+  count_aarch64
+  exit 0
+fi
 
 if [ ${#names[@]} -eq 0 ]; then
   mapfile -t names < <(stems "$root/tests/bench" '*.cpp')

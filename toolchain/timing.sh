@@ -117,7 +117,7 @@ case $mode in
     build property.work_bound_ci
     for head in "${heads[@]}"; do
       LEADLINE_COST_FOLDER=$out LEADLINE_WORK_BOUND_ONLY=$head LEADLINE_WORK_BOUND_PINGS=$((pings * 4)) \
-        "$searcher" | grep "^$head:"
+        "$searcher" | grep "^$head:" | tee "$out/$head.found"
       cp "$out/$head.txt" "$out/$head.pings"
       measure "$head"
       paste -d ' ' <(cut -d ' ' -f 1 "$out/$head.pings") <(grep '^ping' "$out/$head.lines") |
@@ -125,7 +125,10 @@ case $mode in
           END {print head ": " n " replayed on the target, worst " worst ", above their own price " above + 0}'
     done
     path="$out/ping1d.cost"
-    m7_run "${image/cost.elf/extraction.elf}" "arg=extraction,arg=${path//,/,,}"
+    m7_run "${image/cost.elf/extraction.elf}" "arg=extraction,arg=${path//,/,,}" |
+      awk -v bound="$(sed -n 's/.*a pass takes at most \([0-9]*\) .*/\1/p' "$out/ping1d.found")" '
+        $1 == "dearest" {printf "%s; of the bound of a cycle %.3f\n", $0, $10 / bound; above += $10 > bound}
+        END {exit NR != 3 || above > 0}' || die "a pass cost more than its bound, or the board failed"
     ;;
   listing)
     "$root/toolchain/setup.sh" --m7
