@@ -359,13 +359,13 @@ std::uint32_t run(const char* path) {
     std::uint32_t starts, steps;
   };
   for (const Plan& plan :
-       {Plan{"read", Stage::kRead, 12, 150}, Plan{"smoothed", Stage::kSmooth, 6, 150},
-        Plan{"assessed", Stage::kAssess, 4, 25}}) {
+       {Plan{"read", Stage::kRead, 16, 400}, Plan{"smoothed", Stage::kSmooth, 12, 300},
+        Plan{"assessed", Stage::kAssess, 6, 40}}) {
     const Found found = search(plan.stage, plan.starts, plan.steps);
     say("dearest ");
     say(plan.name);
     say_number(" depth_cells ", static_cast<std::uint32_t>(config.size[2]));
-    say_number(" maps ", plan.starts * (plan.steps + 1));
+    say_number(" maps ", std::uint64_t{plan.starts} * (plan.steps + 1));
     say_number(" instructions_a_column ",
                InstructionCounter::instructions(found.ticks) / kTileColumns);
     say_number(" cycle_instructions ",
