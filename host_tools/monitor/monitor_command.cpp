@@ -58,6 +58,12 @@ class Monitor {
     }
     const WebAddress address = parse_web_address(options.http);
     if (const std::optional<std::string> path = recording_path(options.link_uri)) {
+      if (is_store_path(*path)) {
+        throw HostError(ExitCode::kInput,
+                        *path +
+                            ": a store of surveys and no recording: store show and "
+                            "render look into it");
+      }
       if (!options.share_path.empty()) {
         throw HostError(ExitCode::kUsage, "--share: " + *path + " is no link to share");
       }

@@ -239,6 +239,24 @@ step("everything by keyboard", async () => {
   await page.keyboard.press("Enter");
   assert.match(await text("#readout h2"), /m ± |Not surveyed/);
   await page.keyboard.press("Escape");
+  // All of it is in sight and none of it small, however high it stands and whatever lies over it.
+  const unframed = await page.evaluate(() => {
+    const { page: p, scene } = window.leadline, lost = [];
+    const vehicle = { northM: p.store.originM[0], eastM: p.store.originM[1], downM: 2 };
+    for (const exaggeration of [1, 2, 5, 10, 20]) {
+      for (const [right, bottom] of [[0, 0], [330, 0], [700, 0], [330, 230], [0, 400], [900, 500]]) {
+        for (const seen of [null, vehicle]) {
+          const free = { top: 50, left: 90, right, bottom };
+          scene.shared.exaggeration.value = exaggeration;
+          scene.fit(free, seen);
+          if (!scene.framed(free, seen)) lost.push([exaggeration, right, bottom, seen !== null]);
+        }
+      }
+    }
+    scene.shared.exaggeration.value = p.exaggeration;
+    return lost;
+  });
+  assert.deepEqual(unframed, []);
   await page.keyboard.press("Home");
   await page.keyboard.press("h");
   assert.ok(await page.locator("#keys").isVisible());

@@ -225,6 +225,7 @@ class Store(Case):
                                       "0"), USAGE, "--significance")
         self.expect(self.run_leadline("receive", "--link", f"file:{self.logs[0]}", "--store",
                                       "/proc/s.lls"), OUTPUT, "/proc/s.lls")
+        self.expect(self.run_leadline("monitor", "--link", f"file:{self.store}"), INPUT, "a store of surveys")
         none.write_bytes(b"x" * 4096)
         self.expect(self.run_leadline("receive", "--link", f"file:{self.logs[0]}", "--store", none),
                     OUTPUT, "none.lls")

@@ -414,9 +414,14 @@ export class SeafloorScene {
   /** Looks from the south, so far away that the corners just fit into what is free; returns how far. */
   #frame3d(corners, x, z, spanM, margins, freeWidth, freeHeight) {
     const camera = this.perspective;
-    const target = new Vector3(x, 0, z), back = new Vector3(0, 0.62, 0.785);
-    let distance = Math.max(spanM, 4 * this.store.cellM);
-    for (let round = 0; round < 12; round++) {
+    const target = new Vector3(x, 0, z), back = new Vector3(0, 0.62, 0.785).normalize();
+    const reach = Math.max(spanM, 4 * this.store.cellM, ...corners.map((corner) => corner.distanceTo(target)));
+    // From far away, and never so near that a corner is beside the viewer or behind him: its place on the screen would
+    // mean nothing.
+    let distance = 4 * reach;
+    // What is nearer than the target moves more than was reckoned: a part of each correction comes to rest, all of it swings.
+    const part = 0.6;
+    for (let round = 0; round < 32; round++) {
       camera.position.copy(target).addScaledVector(back, distance);
       camera.near = distance / 500;
       camera.far = distance * 30;
@@ -426,9 +431,11 @@ export class SeafloorScene {
       const { left, right, top, bottom } = this.#extent(corners, camera);
       const perPixel = (2 * distance * Math.tan((camera.fov * Math.PI) / 360)) / this.height;
       // What is seen goes to the middle of what is free: sideways, and along the ground.
-      target.x += ((left + right) / 2 - (margins.left + this.width - margins.right) / 2) * perPixel;
-      target.z += (((top + bottom) / 2 - (margins.top + this.height - margins.bottom) / 2) * perPixel) / back.y;
-      distance *= Math.min(Math.max(1.08 * Math.max((right - left) / freeWidth, (bottom - top) / freeHeight), 0.4), 2.5);
+      target.x += part * ((left + right) / 2 - (margins.left + this.width - margins.right) / 2) * perPixel;
+      target.z += (part * ((top + bottom) / 2 - (margins.top + this.height - margins.bottom) / 2) * perPixel) / back.y;
+      distance *= Math.max(1.08 * Math.max((right - left) / freeWidth, (bottom - top) / freeHeight), 0.1) ** part;
+      const nearest = Math.max(...corners.map((corner) => corner.clone().sub(target).dot(back)));
+      distance = Math.max(distance, nearest + 0.2 * reach);
     }
     this.orbit.target.copy(target);
     camera.position.copy(target).addScaledVector(back, distance);
