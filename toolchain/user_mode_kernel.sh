@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds a Linux kernel that runs as a plain process and carries what a machine need not have: CAN buses
-# (vcan, slcan) and GPIO lines (gpio-sim), for tests/cli/test_kernel_buses_ci.sh.
+# (vcan, slcan) and GPIO lines (gpio-sim) for tests/cli/test_kernel_buses_ci.sh, bad lines (netem) and time of its own
+# (time-travel) for toolchain/link_kernel.py.
 #
 # usage: toolchain/user_mode_kernel.sh [--jobs N] [--print-path]
 #   --jobs N       parallel compilations (default: all processors)
@@ -13,7 +14,8 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 cache=${LEADLINE_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/leadline}
-kernel=$cache/user-mode-6.1/linux
+# Another list of options gets another number: kernels of older checkouts stay theirs.
+kernel=$cache/user-mode-6.1-2/linux
 archive=/usr/src/linux-source-6.1.tar.xz
 jobs=$(nproc)
 while [ $# -gt 0 ]; do
@@ -62,6 +64,8 @@ options=(
   BLOCK PROC_FS PROC_SYSCTL SYSFS TMPFS SHMEM DEVTMPFS DEVTMPFS_MOUNT HOSTFS CONFIGFS_FS DEBUG_FS
   # Network and CAN
   NET INET UNIX PACKET NETDEVICES NET_CORE CAN CAN_RAW CAN_VCAN CAN_DEV CAN_NETLINK CAN_SLCAN
+  # Two machines with a bad line between them, and a clock that jumps over waiting
+  NAMESPACES NET_NS VETH NET_SCHED NET_SCH_NETEM UML_TIME_TRAVEL_SUPPORT
   # Lines
   GPIOLIB GPIO_CDEV GPIO_CDEV_V1 GPIO_SIM
 )
