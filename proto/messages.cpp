@@ -258,6 +258,7 @@ bool message_type(const std::uint8_t* payload, std::size_t size_bytes, MessageTy
     case MessageType::kDigest:
     case MessageType::kCommandAnswer:
     case MessageType::kSlice:
+    case MessageType::kCoarseDelta:
     case MessageType::kResendRequest:
     case MessageType::kHelloRequest:
     case MessageType::kReport:

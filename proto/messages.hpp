@@ -33,6 +33,7 @@ enum class MessageType : std::uint8_t {
   kDigest = 0x06,         ///< minor 1
   kCommandAnswer = 0x07,  ///< minor 1; commands.hpp, as are the next and kCommand
   kSlice = 0x08,          ///< minor 1
+  kCoarseDelta = 0x09,    ///< minor 1; tile_coder.hpp, coarse.hpp
   kResendRequest = 0x40,
   kHelloRequest = 0x41,
   kReport = 0x42,         ///< minor 1

@@ -44,6 +44,11 @@ constexpr std::uint32_t unzigzag(std::uint32_t from, std::uint32_t code) {
   return by < kMaxTiles - from ? from + by : kMaxTiles;
 }
 
+constexpr std::uint8_t type_of(TileScale scale) {
+  return static_cast<std::uint8_t>(scale == TileScale::kFine ? MessageType::kTileDelta
+                                                             : MessageType::kCoarseDelta);
+}
+
 /// The first `count` of the cells.
 CellMask first_cells(const CellMask& mask, int count) {
   CellMask first{};
@@ -82,10 +87,11 @@ CellMask changed_cells(const CodedCell* before, const CodedCell* after) {
 
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): headers_ is written before it is read
 TilePacketEncoder::TilePacketEncoder(std::uint8_t* out, std::size_t capacity_bytes,
-                                     std::uint16_t survey_tag)
+                                     std::uint16_t survey_tag, TileScale scale)
     : out_(out),
       capacity_bytes_(base::min_of(capacity_bytes, kMaxPayload_bytes)),
-      survey_tag_(survey_tag) {
+      survey_tag_(survey_tag),
+      scale_(scale) {
   start_tile_model(model_);
   if (capacity_bytes_ >= kPacketHeader_bytes) {
     coder_.start(out_ + kPacketHeader_bytes, capacity_bytes_ - kPacketHeader_bytes);
@@ -126,8 +132,10 @@ base::Result<int> TilePacketEncoder::add(const TileUpdate& update, CellMask& tak
   std::array<std::uint8_t, kTileHeaderBound_bytes> header{};
   ByteWriter fields(header.data(), header.size());
   fields.varint(zigzag(last_tile_, update.tile));
-  fields.varint(update.generation);
-  fields.u32(fold_hash(tile_hash(update.cells)));
+  if (scale_ == TileScale::kFine) {
+    fields.varint(update.generation);
+    fields.u32(fold_hash(tile_hash(update.cells)));
+  }
   const std::size_t header_bytes = fields.size_bytes() + 1;  // and the count
   const std::size_t offset = kPacketHeader_bytes + header_bytes_ + header_bytes;
   if (finished_ || tile_count_ == kMaxPacketTiles || offset >= capacity_bytes_) {
@@ -170,7 +178,7 @@ std::size_t TilePacketEncoder::finish() {
   std::memmove(out_ + body_at, out_ + kPacketHeader_bytes, body_bytes);
   std::memcpy(out_ + kPacketHeader_bytes, headers_.data(), header_bytes_);
   ByteWriter packet(out_, kPacketHeader_bytes);
-  packet.u8(static_cast<std::uint8_t>(MessageType::kTileDelta));
+  packet.u8(type_of(scale_));
   packet.u16(survey_tag_);
   packet.u8(static_cast<std::uint8_t>(tile_count_));
   return body_at + body_bytes;
@@ -197,10 +205,12 @@ void apply_delta(const TileDelta& delta, CodedCell* tile_cells) {
 
 // One tile's header into `delta`; the tile before it has number `last_tile`.
 base::Status TilePacketDecoder::read_header(ByteReader& fields, std::uint32_t last_tile,
-                                            TileDelta& delta) {
+                                            TileDelta& delta) const {
   delta.tile = unzigzag(last_tile, fields.varint());
-  delta.generation = fields.varint();
-  delta.hash32 = fields.u32();
+  if (scale_ == TileScale::kFine) {
+    delta.generation = fields.varint();
+    delta.hash32 = fields.u32();
+  }
   delta.cell_count = fields.u8() + 1;
   if (fields.status() != base::Status::kOk) {
     return fields.status();
@@ -208,10 +218,12 @@ base::Status TilePacketDecoder::read_header(ByteReader& fields, std::uint32_t la
   return delta.tile < kMaxTiles ? base::Status::kOk : base::Status::kOutOfRange;
 }
 
-base::Status TilePacketDecoder::open(const std::uint8_t* payload, std::size_t size_bytes) {
+base::Status TilePacketDecoder::open(const std::uint8_t* payload, std::size_t size_bytes,
+                                     TileScale scale) {
   *this = TilePacketDecoder{};
+  scale_ = scale;
   ByteReader fields(payload, size_bytes);
-  if (size_bytes == 0 || fields.u8() != static_cast<std::uint8_t>(MessageType::kTileDelta)) {
+  if (size_bytes == 0 || fields.u8() != type_of(scale)) {
     return status_ = base::Status::kInvalidArgument;
   }
   survey_tag_ = fields.u16();

@@ -17,6 +17,10 @@
 
 namespace leadline::proto {
 
+/// Which map a packet speaks of: the map itself, or its coarse picture (coarse.hpp), whose tiles have neither
+/// generation nor hash.
+enum class TileScale : std::uint8_t { kFine, kCoarse };
+
 /// Most tiles of one packet.
 inline constexpr int kMaxPacketTiles = 32;
 /// Largest tile number + 1.
@@ -47,10 +51,11 @@ struct CellMask {
 
 /// What the sender wants told about one tile.
 struct TileUpdate {
-  std::uint32_t tile;        ///< < kMaxTiles; row-major over the tiles of the grid, north first
-  std::uint32_t generation;  ///< goes up (modulo 2^32) whenever a coded cell of the tile changes
-  const CodedCell* cells;    ///< all 256, as they are now: valid cells (cell_valid)
-  CellMask changed;          ///< which of them to send; at least one
+  std::uint32_t tile;  ///< < kMaxTiles; row-major over the tiles of the grid, north first
+  std::uint32_t
+      generation;  ///< goes up (modulo 2^32) whenever a coded cell of the tile changes; fine only
+  const CodedCell* cells;  ///< all 256, as they are now: valid cells (cell_valid)
+  CellMask changed;        ///< which of them to send; at least one
 };
 
 /// What a packet's later cells know of the cells before them, over tiles.
@@ -71,7 +76,8 @@ class TilePacketEncoder {
  public:
   /// `out` takes at most `capacity_bytes` (for an MTU: max_payload_bytes(mtu)); capacities beyond
   /// kMaxPayload_bytes are used up to that.
-  TilePacketEncoder(std::uint8_t* out, std::size_t capacity_bytes, std::uint16_t survey_tag);
+  TilePacketEncoder(std::uint8_t* out, std::size_t capacity_bytes, std::uint16_t survey_tag,
+                    TileScale scale = TileScale::kFine);
 
   /// Adds as many of update's changed cells as fit and tells which: the number, > 0, and `taken`, a
   /// subset of update.changed. O(tile), a few times. Else nothing is taken and the packet is unchanged:
@@ -96,6 +102,7 @@ class TilePacketEncoder {
   std::uint8_t* out_;
   std::size_t capacity_bytes_;
   std::uint16_t survey_tag_;
+  TileScale scale_;
   int tile_count_ = 0;
   std::uint32_t last_tile_ = 0;
   std::size_t header_bytes_ = 0;
@@ -115,9 +122,9 @@ class TilePacketEncoder {
 /// What one packet says about one tile.
 struct TileDelta {
   std::uint32_t tile;
-  std::uint32_t generation;
+  std::uint32_t generation;  ///< 0 in a coarse packet
   /// fold_hash(tile_hash) of the sender's whole tile: equals the receiver's after applying, when the
-  /// receiver has missed nothing and the tile was not cut.
+  /// receiver has missed nothing and the tile was not cut. 0 in a coarse packet.
   std::uint32_t hash32;
   int cell_count;                    ///< 1 .. 256
   CellMask changed;                  ///< cell_count bits
@@ -139,10 +146,11 @@ void apply_delta(const TileDelta& delta, CodedCell* tile_cells);
 class TilePacketDecoder {
  public:
   /// Checks type and headers; `payload` must stay as it is until the last next(). O(tiles).
-  /// * kInvalidArgument: not a tile delta
+  /// * kInvalidArgument: not a tile delta of that scale
   /// * kTruncated: ends inside the headers
   /// * kOutOfRange: a count or tile number out of range
-  [[nodiscard]] base::Status open(const std::uint8_t* payload, std::size_t size_bytes);
+  [[nodiscard]] base::Status open(const std::uint8_t* payload, std::size_t size_bytes,
+                                  TileScale scale = TileScale::kFine);
 
   [[nodiscard]] std::uint16_t survey_tag() const { return survey_tag_; }
   [[nodiscard]] int tile_count() const { return tile_count_; }
@@ -155,11 +163,12 @@ class TilePacketDecoder {
   [[nodiscard]] base::Status status() const { return status_; }
 
  private:
-  [[nodiscard]] static base::Status read_header(ByteReader& fields, std::uint32_t last_tile,
-                                                TileDelta& delta);
+  [[nodiscard]] base::Status read_header(ByteReader& fields, std::uint32_t last_tile,
+                                         TileDelta& delta) const;
 
   ByteReader headers_{nullptr, 0};  ///< those of the tiles to come
   std::uint16_t survey_tag_ = 0;
+  TileScale scale_ = TileScale::kFine;
   int tile_count_ = 0;
   int tiles_done_ = 0;
   std::uint32_t last_tile_ = 0;

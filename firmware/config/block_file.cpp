@@ -138,6 +138,7 @@ void add_devices(const ConfigBlock& block, EntryList* list) {
   list->scaled("status_interval_s", config.link.status_interval_us, 1e6);
   list->scaled("hello_interval_s", config.link.hello_interval_us, 1e6);
   list->scaled("max_tile_age_s", config.link.max_tile_age_us, 1e6);
+  list->scaled("coarse_wait_s", config.link.coarse_wait_us, 1e6);
   for (std::size_t i = 0; i < block.table_count; ++i) {
     const firmware::TableBlock& table = block.tables[i];
     list->in("table", static_cast<int>(i));

@@ -53,7 +53,7 @@ std::vector<KnownTable> known_tables() {
       {"port", port_keys(), true},
       {"link",
        {"uri", "optional", "rate_bytes_s", "baud", "mtu_bytes", "status_interval_s",
-        "hello_interval_s", "max_tile_age_s"},
+        "hello_interval_s", "max_tile_age_s", "coarse_wait_s"},
        false},
       {"log", {"path", "max_bytes"}, false},
       {"store", {"path", "window_tiles"}, false},
@@ -94,6 +94,7 @@ void set_defaults(VehicleFile* file) {
   config.link.status_interval_us = 1'000'000;
   config.link.hello_interval_us = 30'000'000;
   config.link.max_tile_age_us = 1'500'000;
+  config.link.coarse_wait_us = 5'000'000;
 }
 
 void read_survey(TomlReader* reader, VehicleFile* file) {
@@ -367,10 +368,8 @@ void read_link(TomlReader* reader, VehicleFile* file) {
   };
   read_seconds("status_interval_s", &link.status_interval_us);
   read_seconds("hello_interval_s", &link.hello_interval_us);
-  double age_s = 0;
-  if (section.read_number("max_tile_age_s", {0, 60}, &age_s)) {
-    link.max_tile_age_us = static_cast<std::uint32_t>(std::llround(age_s * 1e6));
-  }
+  read_scaled(section, "max_tile_age_s", {0, 60}, 1e6, &link.max_tile_age_us);
+  read_scaled(section, "coarse_wait_s", {0, 3600}, 1e6, &link.coarse_wait_us);
 }
 
 void read_log(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
@@ -564,6 +563,7 @@ std::vector<ConfigEntry> entries_of(const VehicleFile& file) {
   list.scaled("status_interval_s", link.status_interval_us, 1e6);
   list.scaled("hello_interval_s", link.hello_interval_us, 1e6);
   list.scaled("max_tile_age_s", link.max_tile_age_us, 1e6);
+  list.scaled("coarse_wait_s", link.coarse_wait_us, 1e6);
   if (!file.log.path.empty()) {
     list.in("log");
     list.text("path", file.log.path);

@@ -141,6 +141,9 @@ struct LinkConfig {
   /// A changed tile waits this long for more changes, so that a packet has cells enough for its headers;
   /// 0 = not at all.
   std::uint32_t max_tile_age_us;
+  /// Where tiles of which the topside knows nothing would have to wait longer than this for the link, coarse ones
+  /// go before them; 0 = never.
+  std::uint32_t coarse_wait_us;
 };
 
 /// Bytes of UTF-8, zeros behind them.

@@ -197,24 +197,33 @@ void walk_version(Visit& visit, VehicleConfig& config, std::uint16_t version) {
   }
 }
 
-// What stands behind version 2 where it is not 0: without it a blob has the bytes, and the checksum, that it had
-// before there was such a thing.
+// What stands behind version 2, as far as something is not 0: without it a blob has the bytes, and the checksum, that
+// it had before there was such a thing. The first `count` of these fields.
+constexpr int kOptionalFields = 2;
 template <typename Visit>
-void walk_optional(Visit& visit, VehicleConfig& config) {
-  visit(config.extract_interval_us);
+void walk_optional(Visit& visit, VehicleConfig& config, int count) {
+  std::uint32_t* const fields[kOptionalFields] = {&config.extract_interval_us,
+                                                  &config.link.coarse_wait_us};
+  for (int i = 0; i < count; ++i) {
+    visit(*fields[i]);
+  }
 }
 
-bool has_optional(const VehicleConfig& config, std::uint16_t version) {
-  return version >= 2 && config.extract_interval_us != 0;
+int optional_count(const VehicleConfig& config, std::uint16_t version) {
+  if (version < 2) {
+    return 0;
+  }
+  if (config.link.coarse_wait_us != 0) {
+    return 2;
+  }
+  return config.extract_interval_us != 0 ? 1 : 0;
 }
 
-std::size_t blob_bytes(std::uint16_t version, bool optional) {
+std::size_t blob_bytes(std::uint16_t version, int optional) {
   Counter counter;
   VehicleConfig config{};
   walk_version(counter, config, version);
-  if (optional) {
-    walk_optional(counter, config);
-  }
+  walk_optional(counter, config, optional);
   return kHeader_bytes + counter.size;
 }
 
@@ -240,7 +249,7 @@ bool known_enumerators(const VehicleConfig& config) {
 
 std::size_t config_blob_bytes(const VehicleConfig& config) {
   const std::uint16_t version = blob_version(config);
-  return blob_bytes(version, has_optional(config, version));
+  return blob_bytes(version, optional_count(config, version));
 }
 
 Result<std::size_t> encode_config(const VehicleConfig& config, std::uint8_t* out,
@@ -253,9 +262,7 @@ Result<std::size_t> encode_config(const VehicleConfig& config, std::uint8_t* out
   VehicleConfig copy = config;  // walk() serves reading as well, so it takes no const
   Writer body{out + kHeader_bytes};
   walk_version(body, copy, version);
-  if (has_optional(config, version)) {
-    walk_optional(body, copy);
-  }
+  walk_optional(body, copy, optional_count(config, version));
   std::uint32_t magic = kMagic;
   std::uint16_t reserved = 0;
   auto size_bytes = static_cast<std::uint32_t>(size);
@@ -293,7 +300,10 @@ Result<VehicleConfig> decode_config(const std::uint8_t* blob, std::size_t size_b
   if (size_bytes < stated_bytes) {
     return Status::kTruncated;
   }
-  const bool optional = version >= 2 && stated_bytes == blob_bytes(version, true);
+  int optional = version >= 2 ? kOptionalFields : 0;
+  while (optional > 0 && stated_bytes != blob_bytes(version, optional)) {
+    --optional;
+  }
   if (size_bytes != stated_bytes || stated_bytes != blob_bytes(version, optional)) {
     return Status::kInvalidArgument;
   }
@@ -303,11 +313,9 @@ Result<VehicleConfig> decode_config(const std::uint8_t* blob, std::size_t size_b
   VehicleConfig config{};
   Reader body{blob + kHeader_bytes};
   walk_version(body, config, version);
-  if (optional) {
-    walk_optional(body, config);
-  }
+  walk_optional(body, config, optional);
   if (config.schema_version != version || !known_enumerators(config) ||
-      optional != has_optional(config, version)) {
+      optional != optional_count(config, version)) {
     return Status::kOutOfRange;
   }
   return config;

@@ -24,7 +24,7 @@ inline constexpr std::size_t kMaxConfigBlob_bytes = 3072;
 /// * kTruncated: shorter than it says; kInvalidArgument: not such a blob, or longer than it says
 /// Blobs of version 1 as well, which come back as such with what they lack at 0.
 /// * kBadVersion: a newer version; kBadChecksum: bytes changed
-/// * kOutOfRange: an enumerator that this program does not know, or an optional field of 0
+/// * kOutOfRange: an enumerator that this program does not know, or optional fields that end with a 0
 [[nodiscard]] base::Result<VehicleConfig> decode_config(const std::uint8_t* blob,
                                                         std::size_t size_bytes);
 

@@ -15,9 +15,10 @@ namespace leadline::firmware {
 
 /// What a frame carried of a tile.
 struct FrameTile {
-  model::TileId tile;
+  model::TileId tile;  ///< coarse: the coarse tile
   std::uint8_t epoch;  ///< LinkMap::epoch() when it left
   proto::CellMask cells;
+  bool coarse = false;  ///< coarse cells (coarse_first.hpp)
 };
 
 /// A ring of the last frames with their tiles. Frames are named by proto::frame_tag; where two in the ring share

@@ -117,6 +117,17 @@ void LinkMap::give_up(TileId tile, std::uint8_t epoch) {
   missed_[tile] = true;
 }
 
+bool LinkMap::blank(TileId tile) const {
+  if (known_cells_[tile] == 0) {
+    return true;
+  }
+  std::uint16_t all = UINT16_MAX;
+  for (const std::uint16_t row : forced_[tile].rows) {
+    all = static_cast<std::uint16_t>(all & row);
+  }
+  return all == UINT16_MAX;
+}
+
 bool LinkMap::owe_missed(TileId tile) {
   const bool missed = missed_[tile];
   if (missed) {

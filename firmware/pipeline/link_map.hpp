@@ -18,6 +18,9 @@ static_assert(proto::kUnknownDepth_q8 == model::kUnknownDepth, "unknown is the s
 
 using TileCells = std::array<proto::CodedCell, proto::kTileArea_cells>;
 
+/// What a whole tile usually takes of a frame.
+inline constexpr std::size_t kTypicalTile_bytes = 96;
+
 /// 4 bytes a column and 48 a tile. Static storage, not thread-safe.
 class LinkMap {
  public:
@@ -51,6 +54,8 @@ class LinkMap {
   void give_up(model::TileId tile, std::uint8_t epoch);
   /// Whether frames of the tile are under way.
   [[nodiscard]] bool under_way(model::TileId tile) const { return under_way_[tile] != 0; }
+  /// Whether who listens knows nothing of the tile: no cell of it was told, or all of it is owed again.
+  [[nodiscard]] bool blank(model::TileId tile) const;
   /// Whether the tile had been given up: it is owed now.
   [[nodiscard]] bool owe_missed(model::TileId tile);
   /// hash32 of the tile as last queued.

@@ -37,6 +37,7 @@ static_assert(proto::kLeastHello_bytes + 4 * kMaxTables <=
               "every hello, without its texts, fits every link");
 constexpr std::uint16_t kMostMtu_bytes = 1400;
 constexpr std::uint32_t kLongestTileAge_us = 60'000'000;
+constexpr std::uint32_t kLongestCoarseWait_us = 3'600'000'000;
 constexpr std::int32_t kSlowestSound_mm_s = 200'000;
 constexpr std::int32_t kFastestSound_mm_s = 6'000'000;
 // Columns that one tile of the budget pays for: it reads, smooths and assesses its own, and one more share
@@ -84,7 +85,7 @@ bool port_sound(const PortConfig& port, std::uint16_t mount_count) {
 bool link_sound(const LinkConfig& link) {
   return link.rate_bytes_s > 0 && within(link.mtu_bytes, kLeastMtu_bytes, kMostMtu_bytes) &&
          link.status_interval_us > 0 && link.hello_interval_us > 0 &&
-         link.max_tile_age_us <= kLongestTileAge_us;
+         link.max_tile_age_us <= kLongestTileAge_us && link.coarse_wait_us <= kLongestCoarseWait_us;
 }
 
 bool mount_sound(const MountConfig& mount) {
@@ -280,6 +281,7 @@ void Vehicle::reset_map_state() {
   pass_.reset();
   pass_due_us_ = -estimator::kMaxTime_us;  // at once
   link_map_.reset(tile_count);
+  coarse_.reset(tile_count);
   ledger_.reset(first_patience_us());
   looked_at_ = LookedAt{};
   vehicle_tile_known_ = false;
@@ -364,6 +366,7 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   send_refusal_text();
   send_digest();
   send_slice();
+  send_coarse();
   send_deltas();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
   for (int port = 0; port < config_.port_count; ++port) {

@@ -14,6 +14,7 @@
 #include "estimator/stuck_watch.hpp"
 #include "estimator/utc_clock.hpp"
 #include "firmware/pipeline/autopilot_feed.hpp"
+#include "firmware/pipeline/coarse_first.hpp"
 #include "firmware/pipeline/command_event.hpp"
 #include "firmware/pipeline/config.hpp"
 #include "firmware/pipeline/device_port.hpp"
@@ -138,6 +139,7 @@ struct VehicleCounters {
   std::uint64_t tiles_extracted;
   std::uint64_t tile_deltas;    ///< frames of tile deltas
   std::uint64_t delta_bytes;    ///< in them, framing included
+  std::uint64_t coarse_deltas;  ///< frames of coarse tiles, before tiles that had to wait
   std::uint64_t cells_sent;     ///< cells in them, those of resends included
   std::uint64_t cells_changed;  ///< of these, cells whose coded value had changed
   std::uint64_t cell_wait_ms;   ///< sum over cells_changed: how long the cell's tile had waited
@@ -368,16 +370,20 @@ class Vehicle {
   [[nodiscard]] bool put(const base::Result<std::size_t>& payload_bytes);
   [[nodiscard]] bool put_frame(std::size_t payload_bytes, std::size_t tile_count);
   void settle_lost_frames();
+  void owe_lost(const FrameTile& lost);
   [[nodiscard]] base::TimeUs line_time_us(std::size_t bytes) const;
   [[nodiscard]] base::TimeUs first_patience_us() const;
   void send_digest();
   void fill_digest(const proto::TileRange& range, proto::Digest& digest) const;
   [[nodiscard]] std::size_t frame_limit_bytes() const;
   [[nodiscard]] bool line_is_busy() const;
+  [[nodiscard]] bool frame_may_begin() const;
+  [[nodiscard]] bool wait_is_long(std::size_t tiles) const;
   [[nodiscard]] std::uint32_t favour(model::TileId tile) const;
   void send_status();
   [[nodiscard]] base::Result<std::size_t> encode_full_status(proto::Status& status);
   void send_texts();
+  void send_coarse();
   void send_deltas();
   [[nodiscard]] std::uint32_t max_age_ticks() const;
   [[nodiscard]] bool fill_packet(proto::TilePacketEncoder& packet, model::TileId tile,
@@ -436,6 +442,7 @@ class Vehicle {
   ExtractionPass pass_;
   base::TimeUs pass_due_us_ = 0;  ///< of link_us_: when the next may begin
   LinkMap link_map_;
+  CoarseFirst coarse_;
   LinkLedger ledger_;
   std::array<FrameTile, proto::kMaxPacketTiles> frame_tiles_{};  ///< of the frame being filled
   LookedAt looked_at_{};

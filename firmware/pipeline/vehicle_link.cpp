@@ -16,7 +16,6 @@ constexpr std::size_t kWorthwhileFrame_bytes = 256;
 // Of frame_limit_bytes(): about one tile and a half.
 constexpr std::size_t kLeastFrames = 32;
 constexpr std::size_t kLossyFrame_bytes = 160;
-constexpr std::size_t kTypicalTile_bytes = 96;
 constexpr std::uint32_t kLossy_q16 = 65'536 / 20;
 constexpr TimeUs kFirstPatience_us = 300'000;
 // Of line_is_busy().
@@ -165,12 +164,17 @@ void Vehicle::take_message(const proto::FrameView& frame, TimeUs came_us) {
 
 // All cells of a tile, as soon as the link has room.
 void Vehicle::owe(TileId tile) {
+  // Of one that still waits whole, coarse cells were told, too.
+  if (!link_map_.blank(tile)) {
+    coarse_.forget(tile);
+  }
   link_map_.force(tile);
   unsent_.add(tile, TileSet::kMaxWeight, tick_);
 }
 
 void Vehicle::restart_link() {
   ledger_.reset(first_patience_us());
+  coarse_.reset(model_.grid().tile_count());
   digest_asked_ = proto::TileRange{};
   watch_.digest_gap_us = kFirstHelloGap_us;
   watch_.digest_sent_us = link_us_;
@@ -210,7 +214,9 @@ void Vehicle::take_report(const proto::Report& report, TimeUs came_us) {
     ledger_.confirm(report.frame_tags[i], came_us);
     FrameTile came{};
     while (ledger_.next_confirmed(came)) {
-      link_map_.confirm(came.tile, came.epoch);
+      if (!came.coarse) {
+        link_map_.confirm(came.tile, came.epoch);
+      }
     }
   }
   if (!news) {
@@ -220,6 +226,7 @@ void Vehicle::take_report(const proto::Report& report, TimeUs came_us) {
   watch_.digest_gap_us = kFirstHelloGap_us;
   for (TileId tile = 0; tile < model_.grid().tile_count(); ++tile) {
     if (link_map_.owe_missed(tile)) {
+      coarse_.forget(tile);
       unsent_.add(tile, TileSet::kMaxWeight, tick_);
     }
   }
@@ -238,10 +245,18 @@ void Vehicle::settle_lost_frames() {
   FrameTile lost{};
   const bool idle = unsent_.size() == 0;
   while (ledger_.next_lost(link_us_, idle, lost)) {
-    ++counters_.tiles_lost;
-    link_map_.lose(lost.tile, lost.epoch, lost.cells);
-    unsent_.add(lost.tile, TileSet::kMaxWeight, tick_);
+    counters_.tiles_lost += lost.coarse ? 0U : 1U;
+    owe_lost(lost);
   }
+}
+
+void Vehicle::owe_lost(const FrameTile& lost) {
+  if (lost.coarse) {
+    coarse_.lose(model_.grid(), lost.tile, lost.cells);
+    return;
+  }
+  link_map_.lose(lost.tile, lost.epoch, lost.cells);
+  unsent_.add(lost.tile, TileSet::kMaxWeight, tick_);
 }
 
 // Many who ask get one hello a second.
@@ -276,9 +291,8 @@ bool Vehicle::put_frame(std::size_t payload_bytes, std::size_t tile_count) {
     FrameTile old{};
     while (ledger_.give_up_oldest(old)) {
       if (ledger_.heard()) {
-        link_map_.lose(old.tile, old.epoch, old.cells);
-        unsent_.add(old.tile, TileSet::kMaxWeight, tick_);
-      } else {
+        owe_lost(old);
+      } else if (!old.coarse) {
         link_map_.give_up(old.tile, old.epoch);
       }
     }
@@ -286,7 +300,9 @@ bool Vehicle::put_frame(std::size_t payload_bytes, std::size_t tile_count) {
   ledger_.sent(proto::frame_tag(payload_.data(), payload_bytes), frame_tiles_.data(), tile_count,
                link_us_ + line_time_us(downlink_.backlog_bytes()));
   for (std::size_t i = 0; i < tile_count; ++i) {
-    link_map_.note_under_way(frame_tiles_[i].tile);
+    if (!frame_tiles_[i].coarse) {
+      link_map_.note_under_way(frame_tiles_[i].tile);
+    }
   }
   return true;
 }
@@ -379,6 +395,11 @@ bool Vehicle::line_is_busy() const {
   const auto cycle_us = static_cast<std::uint64_t>(min_of(link_elapsed_us_, kLongestCycle_us));
   const std::uint64_t one_and_a_half = config_.link.rate_bytes_s * cycle_us * 3 / 2'000'000;
   return downlink_.backlog_bytes() > one_and_a_half;
+}
+
+bool Vehicle::frame_may_begin() const {
+  return downlink_.free_bytes() >= min_of(frame_limit_bytes(), kWorthwhileFrame_bytes) &&
+         !line_is_busy();
 }
 
 // What is near the vehicle, or looked at, goes first; a tile of which a pass is half done stays.
@@ -687,10 +708,10 @@ void Vehicle::send_deltas() {
   TileId tile = 0;
   while (!frame_waits_ &&
          unsent_.best_due(tick_, TileSet::kMaxWeight, max_age_ticks(), favoured, tile)) {
-    const std::size_t limit = frame_limit_bytes();
-    if (downlink_.free_bytes() < min_of(limit, kWorthwhileFrame_bytes) || line_is_busy()) {
+    if (!frame_may_begin()) {
       return;
     }
+    const std::size_t limit = frame_limit_bytes();
     proto::TilePacketEncoder packet(
         payload_.data(), min_of(downlink_.free_payload_bytes(), proto::max_payload_bytes(limit)),
         survey_tag_);

@@ -95,6 +95,7 @@ std::string result_json(const LinkSimOptions& options, const LinkTrialResult& lo
   json.add("frames_dropped", lossy.frames_dropped);
   json.add("tiles_lost", lossy.tiles_lost);
   json.add("delta_bytes", lossy.delta_bytes);
+  json.add("coarse_bytes", lossy.coarse_bytes);
   json.add("status_bytes", lossy.status_bytes);
   json.add("cells_came", lossy.cells_came);
   json.add("cells_needless", lossy.cells_needless);

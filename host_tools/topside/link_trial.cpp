@@ -185,6 +185,7 @@ class Trial {
     const auto kind = static_cast<proto::MessageType>(type);
     const bool status = kind == proto::MessageType::kStatus || kind == proto::MessageType::kBrief;
     result_.delta_bytes += kind == proto::MessageType::kTileDelta ? size_bytes : 0U;
+    result_.coarse_bytes += kind == proto::MessageType::kCoarseDelta ? size_bytes : 0U;
     result_.status_bytes += status ? size_bytes : 0U;
   }
 

@@ -39,6 +39,7 @@ struct LinkTrialResult {
   std::uint64_t most_in_1s = 0;  ///< most bytes that the vehicle sent in any second
   // Where the bytes and the time went.
   std::uint64_t delta_bytes = 0;     ///< of bytes_down, frames of cells
+  std::uint64_t coarse_bytes = 0;    ///< frames of coarse tiles
   std::uint64_t status_bytes = 0;    ///< statuses and briefs
   std::uint64_t frames_dropped = 0;  ///< of frames_down, those that the line lost
   std::uint64_t cells_needless = 0;  ///< cells that came and were there already

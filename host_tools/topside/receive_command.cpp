@@ -336,6 +336,7 @@ std::string receive_summary_json(const Receiver& receiver,
   add("other_surveys", std::to_string(counters.other_surveys));
   add("before_hello", std::to_string(counters.before_hello));
   add("deltas", std::to_string(counters.deltas));
+  add("coarse_deltas", std::to_string(counters.coarse_deltas));
   add("delta_bytes", std::to_string(counters.delta_bytes));
   add("delta_cells", std::to_string(counters.delta_cells));
   add("repeated_cells", std::to_string(counters.repeated_cells));

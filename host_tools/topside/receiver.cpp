@@ -122,7 +122,8 @@ void Receiver::take(const proto::FrameView& frame) {
   }
   if (type < proto::MessageType::kResendRequest) {
     counters_.link_bytes += wire_bytes_;
-    const bool news = type == proto::MessageType::kTileDelta;
+    const bool news =
+        type == proto::MessageType::kTileDelta || type == proto::MessageType::kCoarseDelta;
     planner_.note_frame(proto::frame_tag(frame.payload, frame.payload_bytes), wire_bytes_, news);
   }
   switch (type) {
@@ -131,6 +132,9 @@ void Receiver::take(const proto::FrameView& frame) {
       break;
     case proto::MessageType::kTileDelta:
       take_delta(frame.payload, frame.payload_bytes, wire_bytes_);
+      break;
+    case proto::MessageType::kCoarseDelta:
+      take_coarse(frame.payload, frame.payload_bytes);
       break;
     case proto::MessageType::kStatus:
       take_status(frame);
@@ -213,6 +217,7 @@ void Receiver::take_hello(const proto::FrameView& frame) {
                       : ": what this program does not know of it is passed over"));
   }
   store_ = std::make_unique<TileStore>(said);
+  coarse_.clear();
   planner_.restart();
   if (on_begun) {
     on_begun(*store_);
@@ -251,6 +256,7 @@ void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
   proto::TileDelta delta;
   while (packet.next(delta)) {
     const DeltaOutcome outcome = store_->apply(delta);
+    coarse_.settle(delta.tile, *store_);
     counters_.deltas += 1;
     counters_.delta_cells += static_cast<std::uint64_t>(delta.cell_count);
     map_cells_ += static_cast<std::uint64_t>(delta.cell_count);
@@ -259,6 +265,25 @@ void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
   }
   counters_.malformed += packet.status() == base::Status::kOk ? 0U : 1U;
   counters_.delta_bytes += wire_bytes;
+}
+
+// What a coarse tile says before the hello that explains it is not missed: its cells come anyway.
+void Receiver::take_coarse(const std::uint8_t* payload, std::size_t size_bytes) {
+  proto::TilePacketDecoder packet;
+  if (packet.open(payload, size_bytes, proto::TileScale::kCoarse) != base::Status::kOk) {
+    counters_.malformed += 1;
+    return;
+  }
+  if (!store_ || packet.survey_tag() != store_->tag()) {
+    counters_.other_surveys += store_ ? 1U : 0U;
+    return;
+  }
+  proto::TileDelta coarse;
+  while (packet.next(coarse)) {
+    counters_.coarse_deltas += 1;
+    counters_.outside_grid += coarse_.apply(coarse, *store_) ? 0U : 1U;
+  }
+  counters_.malformed += packet.status() == base::Status::kOk ? 0U : 1U;
 }
 
 void Receiver::take_status(const proto::FrameView& frame) {

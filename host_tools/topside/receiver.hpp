@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "host_tools/topside/coarse_map.hpp"
 #include "host_tools/topside/tile_store.hpp"
 #include "host_tools/topside/uplink_planner.hpp"
 #include "proto/framing.hpp"
@@ -30,6 +31,7 @@ struct ReceiverCounters {
   std::uint64_t delta_bytes = 0;     ///< of their frames, framing included
   std::uint64_t delta_cells = 0;     ///< cells that they carried
   std::uint64_t repeated_cells = 0;  ///< of these: known already, or older than what is known
+  std::uint64_t coarse_deltas = 0;   ///< coarse tiles
   std::uint64_t statuses = 0;        ///< full ones and briefs
   std::uint64_t texts = 0;
   std::uint64_t digests = 0;
@@ -69,6 +71,8 @@ class Receiver {
 
   /// The map; null before the first hello.
   [[nodiscard]] const TileStore* store() const { return store_.get(); }
+  /// Coarse cells where the map knows nothing yet.
+  [[nodiscard]] const CoarseMap& coarse() const { return coarse_; }
   [[nodiscard]] const std::optional<proto::Status>& status() const { return status_; }
   [[nodiscard]] const ReceiverCounters& counters() const { return counters_; }
   /// Bytes of tile deltas per cell that they carried; 0 when there is none.
@@ -105,6 +109,7 @@ class Receiver {
   void take(const proto::FrameView& frame);
   void take_hello(const proto::FrameView& frame);
   void take_delta(const std::uint8_t* payload, std::size_t size_bytes, std::size_t wire_bytes);
+  void take_coarse(const std::uint8_t* payload, std::size_t size_bytes);
   void take_status(const proto::FrameView& frame);
   void take_brief(const proto::FrameView& frame);
   void compare_sent(bool first);
@@ -117,6 +122,7 @@ class Receiver {
   std::optional<std::uint64_t> wanted_survey_;
   proto::FrameDecoderBuffer<> buffer_;
   std::unique_ptr<TileStore> store_;
+  CoarseMap coarse_;
   std::optional<proto::Status> status_;
   std::optional<std::uint64_t> vehicle_cells_hash_;
   ReceiverCounters counters_;

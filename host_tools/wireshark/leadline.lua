@@ -10,7 +10,7 @@ local leadline = Proto("leadline", "Leadline link")
 
 local types = {
   [0x01] = "hello", [0x02] = "tile delta", [0x03] = "status", [0x04] = "text", [0x05] = "brief",
-  [0x06] = "digest", [0x07] = "command answer", [0x08] = "slice", [0x40] = "resend request", [0x41] = "hello request", [0x42] = "report",
+  [0x06] = "digest", [0x07] = "command answer", [0x08] = "slice", [0x09] = "coarse delta", [0x40] = "resend request", [0x41] = "hello request", [0x42] = "report",
   [0x43] = "digest request", [0x44] = "look", [0x45] = "command",
 }
 local kinds = {
@@ -255,7 +255,7 @@ dissect[0x01] = function(read, tree)
   return survey and string.format("survey %s, session %d", tostring(survey:le_uint64()), session)
 end
 
-dissect[0x02] = function(read, tree)
+local function dissect_cells(read, tree, coarse)
   read:add(tree, f.tag, 2)
   local count = read:uint(tree, f.tile_count, 1)
   local tile, cells = 0, 0
@@ -264,8 +264,10 @@ dissect[0x02] = function(read, tree)
     if range == nil then return end
     tile = tile + unzigzag(code)
     local part = tree:add(f.tile, range, tile)
-    read:add_varint(part, f.generation)
-    read:add(part, f.hash32, 4)
+    if not coarse then
+      read:add_varint(part, f.generation)
+      read:add(part, f.hash32, 4)
+    end
     local less = read:take(1)
     if less == nil then return end
     part:add(f.cells, less, less:uint() + 1)
@@ -276,6 +278,9 @@ dissect[0x02] = function(read, tree)
   end
   return string.format("%d tiles, %d cells", count, cells)
 end
+
+dissect[0x02] = function(read, tree) return dissect_cells(read, tree, false) end
+dissect[0x09] = function(read, tree) return dissect_cells(read, tree, true) end
 
 dissect[0x03] = function(read, tree)
   read:add(tree, f.t_us, 8)

@@ -264,16 +264,19 @@ def varint(data, at):
 
 
 def decode_delta(payload):
-    """[(tile, generation, hash32, {cell index: word})] and the survey tag."""
-    assert payload[0] == 2
+    """[(tile, generation, hash32, {cell index: word})] and the survey tag; a coarse delta has None for two of them."""
+    assert payload[0] in (2, 9)
     headers, at, tile = [], 4, 0
     for _ in range(payload[3]):
         code, at = varint(payload, at)
         tile += -(code + 1 >> 1) if code & 1 else code >> 1
-        generation, at = varint(payload, at)
-        headers.append((tile, generation, int.from_bytes(payload[at:at + 4], "little"),
-                        payload[at + 4] + 1))
-        at += 5
+        generation = hash32 = None
+        if payload[0] == 2:
+            generation, at = varint(payload, at)
+            hash32 = int.from_bytes(payload[at:at + 4], "little")
+            at += 4
+        headers.append((tile, generation, hash32, payload[at] + 1))
+        at += 1
     decoder = TileDecoder(payload[at:])
     tiles = []
     for tile, generation, hash32, count in headers:
@@ -368,6 +371,14 @@ class Delta(unittest.TestCase):
         self.assertEqual(tiles, [
             (7, 1, fold(tile_hash(cells)), {i: cells[i] for i in (17, 18, 34)}),
             (6, 2, fold(tile_hash([0] * 256)), {255: 0})])
+
+
+class CoarseDelta(unittest.TestCase):
+    def test_vector(self):
+        tag, tiles = decode_delta(as_bytes(fences("Coarse delta")[0]))
+        cells = {i: code_cell(1000 + 40 * (i // 16) + 28 * (i % 16) + 37 * i % 13, 900, 0)
+                 for i in range(256) if i % 16 < 8}
+        self.assertEqual((tag, tiles), (0x1234, [(1, None, None, cells)]))
 
 
 class Messages(unittest.TestCase):

@@ -111,6 +111,13 @@ class Dissector(unittest.TestCase):
         layer = self.one(vectors[2])
         self.assertEqual(layer["leadline.tile"], ["7", "6"])
 
+    def test_coarse_deltas(self):
+        layer = self.one(as_bytes(fences("Coarse delta")[0]))
+        self.assertEqual(int(layer["leadline.survey_tag"], 16), 0x1234)
+        self.assertEqual(layer["leadline.tile"], "1")
+        self.assertNotIn("leadline.delta.hash32", json.dumps(layer))
+        self.assertIn("leadline.delta.body", json.dumps(layer))
+
     def test_requests_reports_and_digests(self):
         texts = fences("Vectors of the messages")
         resend = next(as_bytes(text) for text in texts if text.startswith("40"))

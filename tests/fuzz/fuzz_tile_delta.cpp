@@ -16,13 +16,13 @@ using leadline::fuzz::require;
 
 using namespace leadline::proto;  // NOLINT: every name of the header is under test
 
-void decode_any(const std::uint8_t* data, std::size_t size) {
+void decode_any(const std::uint8_t* data, std::size_t size, TileScale scale) {
   TilePacketDecoder packet;
-  if (packet.open(data, size) != leadline::base::Status::kOk) {
+  if (packet.open(data, size, scale) != leadline::base::Status::kOk) {
     return;
   }
   std::vector<std::uint8_t> again(kMaxPayload_bytes);
-  TilePacketEncoder encoder(again.data(), again.size(), packet.survey_tag());
+  TilePacketEncoder encoder(again.data(), again.size(), packet.survey_tag(), scale);
   TileDelta delta;
   bool all = true;
   while (packet.next(delta)) {
@@ -44,13 +44,14 @@ void decode_any(const std::uint8_t* data, std::size_t size) {
   require(again_bytes == size);
   std::size_t body = 4;
   for (int tile = 0; tile < packet.tile_count(); ++tile) {
-    for (int varint = 0; varint < 2; ++varint) {
+    const bool fine = scale == TileScale::kFine;
+    for (int varint = 0; varint < (fine ? 2 : 1); ++varint) {
       while (data[body] >= 0x80U) {
         ++body;
       }
       ++body;
     }
-    body += 5;
+    body += fine ? 5 : 1;
   }
   require(std::memcmp(again.data() + body, data + body, size - body) == 0);
 }
@@ -102,7 +103,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   // On the heap, so that ASan knows the exact end.
   const std::vector<std::uint8_t> exact(data, data + size);
-  decode_any(exact.data(), size < kMaxPayload_bytes ? size : kMaxPayload_bytes);
+  const std::size_t payload_bytes = size < kMaxPayload_bytes ? size : kMaxPayload_bytes;
+  decode_any(exact.data(), payload_bytes, TileScale::kFine);
+  decode_any(exact.data(), payload_bytes, TileScale::kCoarse);
   encode_any(exact.data(), size);
   return 0;
 }

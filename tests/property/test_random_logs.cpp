@@ -306,6 +306,8 @@ VehicleConfig random_config(Random& random) {
   config.link.rate_bytes_s = number<std::uint32_t>(random, 100, 20'000);
   config.link.mtu_bytes = number<std::uint16_t>(random, 128, 1'400);
   config.link.max_tile_age_us = number<std::uint32_t>(random, 0, 3'000'000);
+  config.link.coarse_wait_us =
+      chance(random, 50) ? number<std::uint32_t>(random, 1, 10'000'000) : 0;
   config.extract_interval_us = chance(random, 30) ? number<std::uint32_t>(random, 1, 3'000'000) : 0;
   return config;
 }

@@ -4,6 +4,8 @@
 // sent to a topside that has none; 30 % of the frames lost, 5 % late, 5 % doubled, seeds 1 to 5)
 //
 //   ours    the vehicle's link code and the topside's receiver: depth, sigma and flags of every cell, reports, statuses
+//   coarse  the same, with coarse tiles before those that would have to wait (the flight's coarse_wait_s; 5 s where it has
+//           none); a coarse cell counts where no cell came yet
 //   int16   a grid of 16-bit depths, row by row, as many cells in a frame as it has room for, and again from the
 //           beginning until every cell came: nothing goes up
 //   zstd    the same; of the cells of a frame, each coded as the difference to the one before it, as many as zstd -19
@@ -50,7 +52,8 @@ constexpr std::size_t kSamples = 400;
 constexpr std::size_t kOverhead_bytes = 11;
 constexpr TimeUs kCycle_us = 20'000;
 constexpr std::array<double, 4> kShares = {0.5, 0.1, 0.01, 0.0};
-constexpr std::array<const char*, 3> kWays = {"ours", "int16", "zstd"};
+constexpr std::array<const char*, 4> kWays = {"coarse", "ours", "int16", "zstd"};
+constexpr std::uint32_t kCoarseWait_us = 5'000'000;
 
 /// Depths of the whole grid, row by row, in cells; NaN where the vehicle knows none.
 using Depths = std::vector<double>;
@@ -224,23 +227,33 @@ Curve fly(Vehicle* vehicle, TimeUs* t_us, const LinkTrialOptions& trial, const D
   Error error(truth);
   Curve curve = {{0.0, error.rms()}};
   std::uint64_t seen = 0;
+  std::uint64_t seen_coarse = 0;
   const auto watch = [&](TimeUs since_us, const Receiver& receiver) {
     if (receiver.store() == nullptr) {
       return;
     }
-    for (const std::uint32_t tile : receiver.store()->changed_since(seen)) {
-      const auto* const cells = receiver.store()->tile(tile)->cells;
+    std::vector<std::uint32_t> changed = receiver.store()->changed_since(seen);
+    for (const std::uint32_t tile : receiver.coarse().changed_since(seen_coarse)) {
+      changed.push_back(tile);
+    }
+    for (const std::uint32_t tile : changed) {
+      const auto view = receiver.store()->tile(tile);
+      const auto* const coarse = receiver.coarse().tile(tile);
       const std::size_t n0 = tile / static_cast<std::uint32_t>(grid.tiles_east) * 16;
       const std::size_t e0 = tile % static_cast<std::uint32_t>(grid.tiles_east) * 16;
       for (std::size_t k = 0; k < 256; ++k) {
         const std::size_t n = n0 + k / 16;
         const std::size_t e = e0 + k % 16;
         if (n < static_cast<std::size_t>(grid.north) && e < static_cast<std::size_t>(grid.east)) {
-          error.set(n * static_cast<std::size_t>(grid.east) + e, depth_of(cells[k]));
+          const double fine = view ? depth_of(view->cells[k]) : NAN;
+          const bool stands_in = std::isnan(fine) && coarse != nullptr;
+          error.set(n * static_cast<std::size_t>(grid.east) + e,
+                    stands_in ? depth_of((*coarse)[k / 64 * 4 + k % 16 / 4]) : fine);
         }
       }
     }
     seen = receiver.store()->sequence();
+    seen_coarse = receiver.coarse().sequence();
     curve.push_back({1e-6 * static_cast<double>(since_us), error.rms()});
   };
   const auto result = run_link_trial(vehicle, t_us, trial, watch);
@@ -248,6 +261,34 @@ Curve fly(Vehicle* vehicle, TimeUs* t_us, const LinkTrialOptions& trial, const D
     throw std::runtime_error("the maps did not become equal");
   }
   return curve;
+}
+
+/// What the vehicle knows at the end of a flight.
+struct Truth {
+  Grid grid;
+  Depths depths;
+};
+
+/// Curves of a vehicle with that configuration, one a trial; and what it knows. (There is one vehicle at a time.)
+std::vector<Curve> fly_all(const std::string& log_path,
+                           const leadline::firmware::VehicleConfig& config,
+                           const std::vector<LinkTrialOptions>& trials, Truth* truth) {
+  leadline::host::FlightLog log(log_path);
+  const leadline::host::HostVehicle vehicle(config, log.tables(), log_path);
+  TimeUs t_us = replay_flight(&log, &*vehicle, nullptr).now.t_us;
+  leadline::host::settle_vehicle(&*vehicle, &t_us, kCycle_us);
+  truth->grid = {config.model.size[0], config.model.size[1], vehicle->model().grid().tiles_east()};
+  truth->depths.clear();
+  for (std::size_t cell = 0; cell < truth->grid.cells(); ++cell) {
+    const auto tile = static_cast<std::uint32_t>(truth->grid.tile(cell));
+    truth->depths.push_back(depth_of(vehicle->link_cells(tile)[truth->grid.in_tile(cell)]));
+  }
+  std::vector<Curve> curves;
+  for (const LinkTrialOptions& trial : trials) {
+    curves.push_back(fly(&*vehicle, &t_us, trial, truth->depths, truth->grid));
+    leadline::host::settle_vehicle(&*vehicle, &t_us, kCycle_us);
+  }
+  return curves;
 }
 
 double seconds_to(const Curve& curve, double rms_cells) {
@@ -278,9 +319,9 @@ struct Sampled {
 
 void draw(const std::vector<Sampled>& all, double highest_m, const std::string& path) {
   namespace render = leadline::host::render;
-  constexpr std::array<render::Colour, kWays.size()> kColours = {render::Colour{0.05, 0.35, 0.65},
-                                                                 render::Colour{0.75, 0.30, 0.10},
-                                                                 render::Colour{0.25, 0.55, 0.25}};
+  constexpr std::array<render::Colour, kWays.size()> kColours = {
+      render::Colour{0.05, 0.35, 0.65}, render::Colour{0.10, 0.60, 0.80},
+      render::Colour{0.75, 0.30, 0.10}, render::Colour{0.25, 0.55, 0.25}};
   render::Canvas canvas(1600, 1100);
   const auto seconds_text = [](double baud) {
     return leadline::host::render::tick_label(baud, 0) + " baud";
@@ -314,42 +355,40 @@ void draw(const std::vector<Sampled>& all, double highest_m, const std::string& 
 int run(const std::string& log_path, const std::string& out_dir) {
   std::filesystem::create_directories(out_dir);
   std::ofstream csv(out_dir + "/link-curves.csv");
-  csv << "baud,seconds,ours_m,int16_m,zstd_m\n";
+  csv << "baud,seconds,coarse_m,ours_m,int16_m,zstd_m\n";
   std::vector<Sampled> all;
   double highest_m = 0.0;
   std::printf("seconds until the error is a half, a tenth, a hundredth, none of what it was\n");
   for (const double baud : kBauds) {
-    leadline::host::FlightLog log(log_path);
-    leadline::firmware::VehicleConfig config = log.config();
+    leadline::firmware::VehicleConfig config = leadline::host::FlightLog(log_path).config();
     config.link.rate_bytes_s = static_cast<std::uint32_t>(baud / 10.0);
-    const leadline::host::HostVehicle vehicle(config, log.tables(), log_path);
-    TimeUs t_us = replay_flight(&log, &*vehicle, nullptr).now.t_us;
-    leadline::host::settle_vehicle(&*vehicle, &t_us, kCycle_us);
-    const Grid grid = {config.model.size[0], config.model.size[1],
-                       vehicle->model().grid().tiles_east()};
-    Depths truth;
-    for (std::size_t cell = 0; cell < grid.cells(); ++cell) {
-      const auto tile = static_cast<std::uint32_t>(grid.tile(cell));
-      truth.push_back(depth_of(vehicle->link_cells(tile)[grid.in_tile(cell)]));
+    if (config.link.coarse_wait_us == 0) {
+      config.link.coarse_wait_us = kCoarseWait_us;
     }
-    leadline::firmware::Downlink bucket;
-    bucket.configure(config.link.rate_bytes_s, config.link.mtu_bytes);
-    const std::size_t room_bytes = bucket.longest_frame_bytes() - kOverhead_bytes;
-    const std::array<std::vector<Part>, 2> parts = {raw_parts(truth, room_bytes),
-                                                    zstd_parts(truth, room_bytes)};
-    std::array<std::vector<Curve>, kWays.size()> curves;
+    std::vector<LinkTrialOptions> trials(kSeeds);
     for (int seed = 1; seed <= kSeeds; ++seed) {
-      LinkTrialOptions trial;
+      LinkTrialOptions& trial = trials[static_cast<std::size_t>(seed - 1)];
       trial.cycle_us = kCycle_us;
       trial.line.bytes_per_s = baud / 10.0;
       trial.line.loss = 0.3;
       trial.line.reorder = 0.05;
       trial.line.duplicate = 0.05;
       trial.line.seed = static_cast<std::uint64_t>(seed);
-      curves[0].push_back(fly(&*vehicle, &t_us, trial, truth, grid));
-      leadline::host::settle_vehicle(&*vehicle, &t_us, kCycle_us);
-      curves[1].push_back(go_round(parts[0], truth, trial.line));
-      curves[2].push_back(go_round(parts[1], truth, trial.line));
+    }
+    Truth flown;
+    std::array<std::vector<Curve>, kWays.size()> curves;
+    curves[0] = fly_all(log_path, config, trials, &flown);
+    config.link.coarse_wait_us = 0;
+    curves[1] = fly_all(log_path, config, trials, &flown);
+    const Depths& truth = flown.depths;
+    leadline::firmware::Downlink bucket;
+    bucket.configure(config.link.rate_bytes_s, config.link.mtu_bytes);
+    const std::size_t room_bytes = bucket.longest_frame_bytes() - kOverhead_bytes;
+    const std::array<std::vector<Part>, 2> parts = {raw_parts(truth, room_bytes),
+                                                    zstd_parts(truth, room_bytes)};
+    for (const LinkTrialOptions& trial : trials) {
+      curves[2].push_back(go_round(parts[0], truth, trial.line));
+      curves[3].push_back(go_round(parts[1], truth, trial.line));
     }
     const double first_cells = curves[0][0].front().rms_cells;
     const double cell_m = config.model.cell_mm / 1000.0;

@@ -36,7 +36,8 @@ TEST(every_byte_of_a_blob_comes_back) {
   // is read from where it is written, at its full width.
   Random random(1);
   VehicleConfig base = leadline::test::rig_config();
-  base.extract_interval_us = 0x01010101;  // no byte makes it 0
+  base.extract_interval_us = 0x01010101;
+  base.link.coarse_wait_us = 0x01010101;  // no byte makes it 0
   std::vector<std::uint8_t> blob = blob_of(base);
   assert_int_equal(blob.size(), config_blob_bytes(base));
   assert_true(blob.size() <= kMaxConfigBlob_bytes);
@@ -98,6 +99,24 @@ TEST(an_interval_of_extraction_is_in_the_blob_only_where_there_is_one) {
   config.schema_version = 1;
   const std::vector<std::uint8_t> old = blob_of(config);
   assert_int_equal(decode_config(old.data(), old.size()).value().extract_interval_us, 0);
+}
+
+TEST(a_wait_for_coarse_cells_is_in_the_blob_behind_the_interval) {
+  VehicleConfig config = leadline::test::rig_config();
+  const std::vector<std::uint8_t> without = blob_of(config);
+  config.link.coarse_wait_us = 5'000'000;
+  std::vector<std::uint8_t> blob = blob_of(config);
+  assert_int_equal(blob.size(), without.size() + 8);
+  assert_int_equal(config_blob_bytes(config), blob.size());
+  const VehicleConfig back = decode_config(blob.data(), blob.size()).value();
+  assert_int_equal(back.extract_interval_us, 0);
+  assert_int_equal(back.link.coarse_wait_us, 5'000'000);
+  assert_int_equal(decode_config(without.data(), without.size()).value().link.coarse_wait_us, 0);
+  for (std::size_t i = without.size(); i < blob.size(); ++i) {
+    blob[i] = 0;
+  }
+  put_crc(blob);
+  assert_int_equal(decode_config(blob.data(), blob.size()).status(), Status::kOutOfRange);
 }
 
 TEST(a_blob_of_version_1_reads_with_what_it_lacks_at_zero) {

@@ -81,6 +81,7 @@ TEST(values_out_of_range_are_refused) {
   assert_true(out_of_range([](VehicleConfig& c) { c.link.status_interval_us = 0; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.link.hello_interval_us = 0; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.link.max_tile_age_us = 60'000'001; }));
+  assert_true(out_of_range([](VehicleConfig& c) { c.link.coarse_wait_us = 3'600'000'001; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.navigation.max_wait_us = -1; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.navigation.sigma_fix_mm = 0; }));
   assert_true(out_of_range([](VehicleConfig& c) { c.ports[0].driver = static_cast<Driver>(200); }));

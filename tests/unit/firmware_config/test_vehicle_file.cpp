@@ -78,6 +78,7 @@ TEST(the_smallest_file_gets_the_documented_defaults) {
   assert_int_equal(config.link.status_interval_us, 1'000'000);
   assert_int_equal(config.link.hello_interval_us, 30'000'000);
   assert_int_equal(config.link.max_tile_age_us, 1'500'000);
+  assert_int_equal(config.link.coarse_wait_us, 5'000'000);
   assert_int_equal(file.cycle_us, 20'000);
   assert_string_equal(file.log.path.c_str(), "");
   assert_int_equal(file.port_uris[0].baud, 9600);
@@ -187,6 +188,7 @@ TEST(every_key_is_read) {
           "[[port]]\nuri = \"file:nmea.txt\"\ndriver = \"nmea\"\nlatency_ms = 15\n"
           "[link]\nuri = \"serial:/dev/ttyS1:9600\"\nbaud = 9600\nmtu_bytes = 128\n"
           "status_interval_s = 0.5\nhello_interval_s = 60\nmax_tile_age_s = 0.25\n"
+          "coarse_wait_s = 0\n"
           "[log]\npath = \"log.lll\"\nmax_bytes = 1000000\n",
       "v.toml", "/survey");
   const VehicleConfig& config = file.config;
@@ -251,6 +253,7 @@ TEST(every_key_is_read) {
   assert_int_equal(config.link.status_interval_us, 500'000);
   assert_int_equal(config.link.hello_interval_us, 60'000'000);
   assert_int_equal(config.link.max_tile_age_us, 250'000);
+  assert_int_equal(config.link.coarse_wait_us, 0);
   assert_string_equal(file.log.path.c_str(), "/survey/log.lll");
   assert_int_equal(file.log.max_bytes, 1'000'000);
 }
@@ -493,6 +496,7 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
       {kSmallest + "mtu_bytes = 127\n", "mtu_bytes = 127: has to be 128 to 1400"},
       {kSmallest + "status_interval_s = 0\n", "status_interval_s = 0: has to be over 0 to 3600"},
       {kSmallest + "max_tile_age_s = 61\n", "max_tile_age_s = 61: has to be 0 to 60"},
+      {kSmallest + "coarse_wait_s = 3601\n", "coarse_wait_s = 3601: has to be 0 to 3600"},
       {kSmallest + "hello_interval_s = 3601\n", "hello_interval_s = 3601: has to be over 0"},
       {kSmallest + "[log]\n", "[log] path is missing"},
       {kSmallest + "[log]\npath = \"\"\n", "[log] path = \"\": has to be the name of a file"},
