@@ -450,7 +450,7 @@ TEST(types_are_known_or_skipped) {
     known += is_known ? 1 : 0;
     assert_true(!is_known || static_cast<int>(type) == byte);
   }
-  assert_int_equal(known, 21);
+  assert_int_equal(known, 22);
   MessageType type{};
   assert_false(message_type(nullptr, 0, type));
 }
