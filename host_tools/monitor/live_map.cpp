@@ -9,10 +9,10 @@ void LiveMap::restart() {
   tiles_.clear();
   order_.clear();
   change_ = 0;
-  followed_ = 0;
+  followed_ = followed_coarse_ = 0;
 }
 
-void LiveMap::follow(const TileStore& store, base::TimeUs now_us) {
+void LiveMap::follow(const TileStore& store, base::TimeUs now_us, const CoarseMap* coarse) {
   if (!hello_) {
     epoch_ += 1;
     tiles_.resize(store.tile_count());
@@ -23,24 +23,29 @@ void LiveMap::follow(const TileStore& store, base::TimeUs now_us) {
   std::vector<std::uint32_t> changed = store.changed_since(followed_);
   followed_ = store.sequence();
   std::reverse(changed.begin(), changed.end());  // the latest last, as in the order
+  if (coarse != nullptr) {
+    const std::vector<std::uint32_t> more = coarse->changed_since(followed_coarse_);
+    changed.insert(changed.end(), more.begin(), more.end());
+    followed_coarse_ = coarse->sequence();
+  }
   for (const std::uint32_t id : changed) {
     const std::optional<TileView> view = store.tile(id);
-    if (!view) {
-      continue;
-    }
     std::unique_ptr<LiveTile>& place = tiles_[id];
     if (!place) {
       place = std::make_unique<LiveTile>();
     }
     bool differs = false;
-    for (int k = 0; k < proto::kTileArea_cells; ++k) {
+    for (int k = 0; view && k < proto::kTileArea_cells; ++k) {
       if (place->cells[k] != view->cells[k]) {
         place->cells[k] = view->cells[k];
         place->time_ds[k] = now_ds;
         differs = true;
       }
     }
-    if (differs) {
+    const CoarseCells* const under = coarse != nullptr ? coarse->tile(id) : nullptr;
+    const CoarseCells stands_in = under != nullptr ? *under : CoarseCells{};
+    if (differs || stands_in != place->coarse) {
+      place->coarse = stands_in;
       order_.erase(place->change);
       place->change = ++change_;
       order_.emplace_hint(order_.end(), change_, id);

@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "host_tools/topside/coarse_map.hpp"
 #include "host_tools/topside/tile_store.hpp"
 #include "model/base/units.hpp"
 
@@ -20,13 +21,16 @@ struct LiveTile {
   proto::CodedCell cells[proto::kTileArea_cells] = {};
   /// Vehicle's time of the last change of each cell, 0.1 s, saturating at both ends.
   std::uint32_t time_ds[proto::kTileArea_cells] = {};
+  /// What stands in for cells that have not come yet.
+  CoarseCells coarse = {};
 };
 
 class LiveMap {
  public:
-  /// Takes over what changed in `store` since the last call; `now_us` is the vehicle's time of it. The store
-  /// must be the same as before unless restart() was called. O(changed tiles log tiles).
-  void follow(const TileStore& store, base::TimeUs now_us);
+  /// Takes over what changed in `store`, and in the coarse cells beside it (may be null), since the last call;
+  /// `now_us` is the vehicle's time of it. Both must be the same as before unless restart() was called. O(changed
+  /// tiles log tiles).
+  void follow(const TileStore& store, base::TimeUs now_us, const CoarseMap* coarse = nullptr);
   /// Forgets the map: what follow() sees next is another one.
   void restart();
 
@@ -45,7 +49,8 @@ class LiveMap {
  private:
   std::uint32_t epoch_ = 0;
   std::uint64_t change_ = 0;
-  std::uint64_t followed_ = 0;  ///< the store's sequence
+  std::uint64_t followed_ = 0;         ///< the store's sequence
+  std::uint64_t followed_coarse_ = 0;  ///< that of the coarse cells
   std::optional<proto::Hello> hello_;
   std::vector<std::unique_ptr<LiveTile>> tiles_;
   std::map<std::uint64_t, std::uint32_t> order_;  ///< change -> tile

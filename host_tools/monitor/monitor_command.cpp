@@ -228,7 +228,7 @@ class Monitor {
     }
     refused_.clear();
     const std::optional<proto::Status>& status = receiver_->status();
-    map_.follow(*store, status ? status->t_us : 0);
+    map_.follow(*store, status ? status->t_us : 0, &receiver_->coarse());
     if (!status) {
       return;
     }

@@ -67,6 +67,9 @@ PageMessage tiles_message(const LiveMap& map, const std::vector<std::uint32_t>& 
     for (const std::uint32_t time_ds : tile.time_ds) {
       put_u32(&message.bytes, time_ds);
     }
+    for (const proto::CodedCell cell : tile.coarse) {
+      put_u32(&message.bytes, cell);
+    }
     cursor->change = tile.change;
   }
   return message;

@@ -171,6 +171,9 @@ std::string PageState::json(const Receiver& receiver, const PageSurroundings& ar
                   {"other_surveys", counters.other_surveys},
                   {"bytes", counters.bytes}};
   json["map"] = receiver.store() != nullptr ? map_json(*receiver.store()) : Json();
+  if (receiver.store() != nullptr) {
+    json["map"]["coarse_tiles"] = receiver.coarse().tiles();
+  }
   json["vehicle"] = receiver.status() ? vehicle_json(*receiver.status()) : Json();
   if (receiver.status()) {
     json["vehicle"]["fused_per_s"] =

@@ -35,6 +35,9 @@ std::string live_text(const Receiver& receiver, double bytes_per_s) {
   std::string line = std::to_string(store->known_cells()) + " cells (";
   append_fixed(&line, share, 0);
   line += " %), " + std::to_string(store->known_tiles()) + " tiles";
+  if (receiver.coarse().tiles() > 0) {
+    line += ", " + std::to_string(receiver.coarse().tiles()) + " more coarse so far";
+  }
   if (receiver.status()) {
     line += ", " + std::to_string(receiver.status()->pings[proto::kPingFused]) + " pings";
   }

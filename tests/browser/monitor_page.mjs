@@ -11,7 +11,7 @@ import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import fs from "node:fs";
 import path from "node:path";
-import { downlinkFrames, openBrowser, sendFrames, startMonitor } from "./support.mjs";
+import { downlinkFrames, framed, openBrowser, sendFrames, startMonitor, unframed } from "./support.mjs";
 
 const [program, log, depthAsc, modules, pictures] = process.argv.slice(2);
 let browser;
@@ -103,6 +103,43 @@ step("without a link the page says so", async () => {
   await shot("empty");
 });
 
+step("coarse cells: seen at once, as what they are", async () => {
+  // The vector of proto/SPEC.md, for coarse tile 0 of this survey: 64 cells to the north, 32 to the east, before any other.
+  const hello = frames.find((frame) => frame[2] === 1), delta = frames.find((frame) => frame[2] === 2);
+  const coarse = Buffer.from("0934120100" + "7f00b636bfd6a584d13a2ce956d9f9c3e754d18bb39e5d8c", "hex");
+  unframed(delta).copy(coarse, 1, 1, 3); // the survey's tag
+  await sendFrames([hello, framed(coarse)], live.port, 0, 1);
+  await until(() => window.leadline.page.complete && window.leadline.page.store?.coarse === 128);
+  assert.ok(await page.locator("#empty").isHidden());
+  assert.equal(await page.evaluate(() => window.leadline.page.store.known), 0);
+  await until(() => document.querySelector('[data-id="coarse"] dd')?.textContent === "8 tiles");
+  assert.match(await text("#legend-note"), /hatched: coarse so far/);
+  await page.keyboard.press("v");
+  await page.keyboard.press("c");
+  // Opaque, greyer than the palette, and lighter where a stripe of the hatching runs.
+  const seen = await page.evaluate(() => {
+    const { scene, page: p } = window.leadline, store = p.store;
+    scene.render();
+    const gl = scene.renderer.getContext(), ratio = scene.renderer.getPixelRatio(), out = new Uint8Array(4 * 40);
+    const at = scene.project({ northM: store.originM[0] + 20 * store.cellM, eastM: store.originM[1] + 16 * store.cellM, downM: store.originM[2] });
+    gl.readPixels(Math.round(at.x * ratio), Math.round((scene.height - at.y) * ratio), 40, 1, gl.RGBA, gl.UNSIGNED_BYTE, out);
+    return Array.from({ length: 40 }, (_, k) => [...out.subarray(4 * k, 4 * k + 4)]);
+  });
+  assert.ok(seen.every((colour) => colour[3] === 255));
+  const light = seen.map(([r, g, b]) => r + g + b);
+  assert.ok(Math.max(...light) - Math.min(...light) > 60, `hatched: ${Math.min(...light)} to ${Math.max(...light)}`);
+  await clickCell(20, 16);
+  assert.match(await text("#readout h2"), /^About [\d.]+ m ± /);
+  assert.match(await text("#read-coarse"), /4 × 4 cells/);
+  await clickCell(20, 40);
+  assert.equal(await text("#readout h2"), "Not surveyed");
+  await page.keyboard.press("Escape");
+  await shot("coarse-map");
+  await page.keyboard.press("c");
+  await page.keyboard.press("v");
+  await shot("coarse");
+});
+
 step("half a survey: cells where there are some, gaps where not", async () => {
   await send(live.port, 0, 0.5);
   await until(() => window.leadline.page.complete && window.leadline.page.store.known > 0);
@@ -144,6 +181,8 @@ step("the whole map, cell for cell as `receive` has it", async () => {
   await until((count) => window.leadline.page.store.known === count, knownCells.length);
   const depths = await page.evaluate((cells) => cells.map(([n, e]) => window.leadline.page.store.cell(n, e).depthM), knownCells);
   knownCells.forEach(([n, e], k) => close(depths[k], truth.depth(n, e), 1e-4, `cell ${n}, ${e}`));
+  await until(() => window.leadline.page.store.coarse === 0); // all of it came
+  assert.equal(await page.locator('[data-id="coarse"]').count(), 0);
   await shot("live");
 });
 

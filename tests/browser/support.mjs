@@ -51,6 +51,36 @@ export function downlinkFrames(log) {
   return frames;
 }
 
+/** The payload of a frame, and a frame of a payload (proto/SPEC.md, "Frame"). */
+export function unframed(frame) {
+  const out = [];
+  const body = frame.subarray(1, -1);
+  for (let at = 0; at < body.length; at += body[at]) {
+    out.push(...body.subarray(at + 1, at + body[at]));
+    if (body[at] < 255) out.push(0);
+  }
+  return Buffer.from(out.slice(0, -5)); // the last zero is not data; the CRC
+}
+export function framed(payload) {
+  let crc = ~0;
+  for (const byte of payload) {
+    crc ^= byte;
+    for (let bit = 0; bit < 8; bit++) crc = (crc >>> 1) ^ (crc & 1 ? 0x82f63b78 : 0);
+  }
+  const tail = Buffer.alloc(4);
+  tail.writeUInt32LE(~crc >>> 0);
+  const out = [0];
+  let block = [];
+  for (const byte of [...payload, ...tail, 0]) {
+    if (byte !== 0) block.push(byte);
+    if (byte === 0 || block.length === 254) {
+      out.push(block.length + 1, ...block);
+      block = [];
+    }
+  }
+  return Buffer.from([...out, 0]);
+}
+
 /** Sends the frames from share `from` to share `to`, each a datagram, over about `seconds`. */
 export async function sendFrames(frames, port, from, to, seconds = 0.5) {
   const socket = dgram.createSocket("udp4");

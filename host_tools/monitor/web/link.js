@@ -1,7 +1,7 @@
 // The WebSocket to the monitor: opens it again when it closes, takes its messages apart.
 
 const KIND_TILES = 1, KIND_TRACK = 2, KIND_COMPLETE = 3;
-const TILE_WORDS = 513;
+const TILE_WORDS = 529;
 
 export class Link extends EventTarget {
   constructor() {

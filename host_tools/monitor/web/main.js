@@ -155,7 +155,7 @@ function margins() {
 
 function colourRange() {
   const store = page.store;
-  if (!store?.known) return [0, 1];
+  if (!store?.shown) return [0, 1];
   if (page.mode === "depth") {
     const low = store.depthQuantile(0.005), high = store.depthQuantile(0.995);
     return high - low < 0.1 ? [low - 0.05, low + 0.05] : [low, high];
@@ -167,7 +167,7 @@ function colourRange() {
 
 function contourStep(range) {
   if (page.contours !== "auto") return Number(page.contours);
-  return page.mode === "depth" || !page.store?.known ? roundStep(Math.max(range[1] - range[0], 0.1) / 12)
+  return page.mode === "depth" || !page.store?.shown ? roundStep(Math.max(range[1] - range[0], 0.1) / 12)
     : roundStep(Math.max(page.store.depthQuantile(0.995) - page.store.depthQuantile(0.005), 0.1) / 12);
 }
 
@@ -207,7 +207,7 @@ function middle(free) {
 
 function fit() {
   if (!scene || !page.store) return;
-  page.fitted = page.store.known > 0;
+  page.fitted = page.store.shown;
   scene.fit(margins(), vehicle());
 }
 
@@ -236,7 +236,7 @@ function showState() {
   document.title = now.kind === "ok" ? "Leadline" : `${now.words} · Leadline`;
   if (scene) {
     const empty = words.emptyWords(state, connected);
-    const hasMap = page.store?.known > 0;
+    const hasMap = page.store?.shown;
     if (empty && !hasMap) showEmpty(...empty);
     else showEmpty(null);
   }
@@ -314,7 +314,7 @@ function showPlayer(player) {
 
 function showLegend(range) {
   const store = page.store;
-  $("legend").hidden = !store?.known || !page.palettes;
+  $("legend").hidden = !store?.shown || !page.palettes;
   if ($("legend").hidden) return;
   const titles = { depth: "Depth, m", uncertainty: "Uncertainty (1 σ), m", age: "Age", slope: "Slope" };
   $("legend-title").textContent = titles[page.mode];
@@ -338,6 +338,7 @@ function showLegend(range) {
   const notes = [];
   if (step) notes.push(`Contours every ${step >= 1 ? step : step.toFixed(step < 0.1 ? 2 : 1)} m`);
   if (!scene.mapView && page.exaggeration !== 1) notes.push(`heights × ${page.exaggeration}`);
+  if (store.coarse) notes.push("hatched: coarse so far");
   $("legend-note").textContent = notes.join(" · ");
 }
 
@@ -421,10 +422,12 @@ function showReadout() {
   const list = make("dl");
   const parts = [list];
   if (tool === "inspect") {
-    const cell = page.store.at(points[0].northM, points[0].eastM);
-    box.querySelector("h2").textContent = cell ? `${cell.depthM.toFixed(2)} m ± ${words.sigma(cell.sigmaM)}` : "Not surveyed";
+    const cell = page.store.shownAt(points[0].northM, points[0].eastM);
+    const digits = cell?.coarse ? 1 : 2;
+    box.querySelector("h2").textContent = cell ? `${cell.coarse ? "About " : ""}${cell.depthM.toFixed(digits)} m ± ${words.sigma(cell.sigmaM)}` : "Not surveyed";
     box.dataset.depthM = cell ? cell.depthM : "";
-    if (cell) {
+    if (cell?.coarse) figure(list, "Coarse so far", "mean of 4 × 4 cells; theirs are still to come", "read-coarse");
+    else if (cell) {
       figure(list, "Last seen", cell.timeS > 0 && nowS() >= cell.timeS ? `${words.duration(nowS() - cell.timeS)} ago` : "time not known", "read-age");
       if (cell.secondSurface) figure(list, "Column", "a second surface stands in it");
     }

@@ -3,7 +3,15 @@
 
 export const TILE_SIDE = 16;
 export const TILE_AREA = TILE_SIDE * TILE_SIDE;
+const COARSE_STEP = 4; // cells along a coarse cell
+const COARSE_AT = 2 * TILE_AREA; // of a tile as kept
+export const TILE_WORDS = COARSE_AT + (TILE_SIDE / COARSE_STEP) ** 2;
 const BIN_Q8 = 16; // a sixteenth of a cell
+
+/** The coarse cell of a tile that stands in for its cell k; 0: none does. */
+export function coarseOver(tile, k) {
+  return tile[COARSE_AT + Math.floor(k / TILE_SIDE / COARSE_STEP) * (TILE_SIDE / COARSE_STEP) + Math.floor((k % TILE_SIDE) / COARSE_STEP)];
+}
 
 export class MapStore {
   /** @param map the state message's "map" */
@@ -12,8 +20,9 @@ export class MapStore {
     this.size = map.size_cells; // north, east, down
     this.originM = map.origin_mm.map((mm) => mm / 1000);
     this.tilesEast = Math.ceil(this.size[1] / TILE_SIDE);
-    this.tiles = new Map(); // number -> Uint32Array: 256 cells, 256 times
+    this.tiles = new Map(); // number -> Uint32Array: 256 cells, 256 times, 16 coarse cells
     this.known = 0;
+    this.coarse = 0; // coarse cells: what they stand in for is not known
     this.depthBins = new Int32Array((Math.min(this.size[2] * 2, 2048) * 256) / BIN_Q8 + 1);
     this.sigmaBins = new Int32Array(31);
     this.firstTimeDs = Infinity;
@@ -21,16 +30,19 @@ export class MapStore {
     this.bounds = null;
   }
 
-  /** Takes a tile (513 numbers: its own, 256 cells, 256 times) and returns it as kept. */
+  /** Whether anything is to be seen. */
+  get shown() { return this.known + this.coarse > 0; }
+
+  /** Takes a tile (529 numbers: its own, 256 cells, 256 times, 16 coarse cells) and returns it as kept. */
   setTile(message) {
     const id = message[0];
     const rows = Math.ceil(this.size[0] / TILE_SIDE);
     if (id >= rows * this.tilesEast) return null;
     const before = this.tiles.get(id);
-    const now = message.slice(1, 1 + 2 * TILE_AREA);
+    const now = message.slice(1, 1 + TILE_WORDS);
+    if (before) this.#countAll(before, -1);
+    this.#countAll(now, 1);
     for (let k = 0; k < TILE_AREA; k++) {
-      if (before) this.#count(before[k], -1);
-      this.#count(now[k], 1);
       if (now[k] & 31) this.firstTimeDs = Math.min(this.firstTimeDs, now[TILE_AREA + k]);
     }
     this.tiles.set(id, now);
@@ -47,17 +59,23 @@ export class MapStore {
   removeTile(id) {
     const tile = this.tiles.get(id);
     if (!tile) return;
-    for (let k = 0; k < TILE_AREA; k++) this.#count(tile[k], -1);
+    this.#countAll(tile, -1);
     this.tiles.delete(id);
   }
 
-  #count(cell, by) {
+  #countAll(tile, by) {
+    for (let k = 0; k < TILE_AREA; k++) this.known += this.#count(tile[k], by);
+    for (let k = COARSE_AT; k < TILE_WORDS; k++) this.coarse += this.#count(tile[k], by, COARSE_STEP * COARSE_STEP);
+  }
+
+  /** `cells`: how many this one stands for. */
+  #count(cell, by, cells = 1) {
     const code = (cell & 31) - 1;
-    if (code < 0) return;
-    this.known += by;
-    this.sigmaBins[code] += by;
+    if (code < 0) return 0;
+    this.sigmaBins[code] += by * cells;
     const bin = Math.floor((cell >>> 8) / BIN_Q8);
-    this.depthBins[Math.min(bin, this.depthBins.length - 1)] += by;
+    this.depthBins[Math.min(bin, this.depthBins.length - 1)] += by * cells;
+    return by;
   }
 
   depthOf(cell) {
@@ -70,11 +88,9 @@ export class MapStore {
 
   /** What is known of a cell, or null. */
   cell(north, east) {
-    if (north < 0 || east < 0 || north >= this.size[0] || east >= this.size[1]) return null;
-    const tile = this.tiles.get(
-      Math.floor(north / TILE_SIDE) * this.tilesEast + Math.floor(east / TILE_SIDE));
-    if (!tile) return null;
-    const k = (north % TILE_SIDE) * TILE_SIDE + (east % TILE_SIDE);
+    const found = this.#find(north, east);
+    if (!found) return null;
+    const { tile, k } = found;
     const code = (tile[k] & 31) - 1;
     if (code < 0) return null;
     return {
@@ -84,15 +100,32 @@ export class MapStore {
       secondSurface: (tile[k] & 32) !== 0,
     };
   }
+  /** What stands in for a cell that is not known: { depthM, sigmaM, coarse: true }; of a known one, that; or null. */
+  shownCell(north, east) {
+    const known = this.cell(north, east);
+    const found = known ? null : this.#find(north, east);
+    const over = found ? coarseOver(found.tile, found.k) : 0;
+    return over & 31 ? { depthM: this.depthOf(over), sigmaM: this.sigmaOf((over & 31) - 1), coarse: true } : known;
+  }
+  #find(north, east) {
+    if (north < 0 || east < 0 || north >= this.size[0] || east >= this.size[1]) return null;
+    const tile = this.tiles.get(
+      Math.floor(north / TILE_SIDE) * this.tilesEast + Math.floor(east / TILE_SIDE));
+    return tile ? { tile, k: (north % TILE_SIDE) * TILE_SIDE + (east % TILE_SIDE) } : null;
+  }
   /** The same by place, metres of the survey's frame. */
-  at(northM, eastM) {
-    return this.cell(Math.floor((northM - this.originM[0]) / this.cellM),
-      Math.floor((eastM - this.originM[1]) / this.cellM));
+  at(northM, eastM) { return this.cell(...this.#index(northM, eastM)); }
+  shownAt(northM, eastM) { return this.shownCell(...this.#index(northM, eastM)); }
+  #index(northM, eastM) {
+    return [Math.floor((northM - this.originM[0]) / this.cellM), Math.floor((eastM - this.originM[1]) / this.cellM)];
   }
 
-  /** Depth that `share` of the known cells do not exceed. */
+  /** Cells that the bins count: known ones, and those that coarse ones stand in for. */
+  get #counted() { return this.known + this.coarse * COARSE_STEP * COARSE_STEP; }
+
+  /** Depth that `share` of the cells that are shown do not exceed. */
   depthQuantile(share) {
-    let left = this.known * share;
+    let left = this.#counted * share;
     for (let bin = 0; bin < this.depthBins.length; bin++) {
       left -= this.depthBins[bin];
       if (left < 0 || (left <= 0 && share >= 1)) {
@@ -102,7 +135,7 @@ export class MapStore {
     return this.originM[2];
   }
   sigmaQuantile(share) {
-    let left = this.known * share;
+    let left = this.#counted * share;
     for (let code = 0; code < 31; code++) {
       left -= this.sigmaBins[code];
       if (left < 0) return this.sigmaOf(code);

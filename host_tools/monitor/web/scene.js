@@ -7,12 +7,20 @@ import {
   WebGLRenderer, MOUSE, TOUCH,
 } from "/three/build/three.module.js";
 import { OrbitControls } from "/three/examples/jsm/controls/OrbitControls.js";
-import { TILE_AREA, TILE_SIDE } from "./map_store.js";
+import { TILE_AREA, TILE_SIDE, TILE_WORDS, coarseOver } from "./map_store.js";
 
 const CHUNK = 128; // cells
 const RIM = 1;
 const TEXTURE = CHUNK + 2 * RIM;
 const STRIDES = [1, 2, 4];
+
+const COARSE = 8; // beside a texel's flags: it stands in for cells that have not come
+
+/** A cell as a texel: depth, sigma code + 1, time, flags. */
+function texel(tile, k) {
+  const over = tile[k] & 31 ? 0 : coarseOver(tile, k);
+  return over & 31 ? [over >>> 8, over & 31, 0, COARSE] : [tile[k] >>> 8, tile[k] & 31, tile[TILE_AREA + k], (tile[k] >>> 5) & 7];
+}
 
 const vertexShader = `
 precision highp sampler2D;
@@ -74,6 +82,7 @@ void main() {
   ivec2 index = clamp(ivec2(floor(corner)), ivec2(0), ivec2(${CHUNK - 1}));
   vec4 cell = texelFetch(cells, index + ${RIM}, 0);
   if (cell.g < 0.5) discard;  // unknown is no surface
+  bool coarse = cell.a > ${COARSE - 0.5};
   float depth_m = top_m + depth / 256.0 * cell_m;
   float value = depth_m;
   if (mode == 1) value = exp2((cell.g - 1.0) * 0.5) / 64.0 * cell_m;
@@ -81,12 +90,18 @@ void main() {
   if (mode == 3) value = degrees(atan(length(gradient)));
   float share = clamp((value - range.x) / max(range.y - range.x, 1e-6), 0.0, 1.0);
   vec3 colour = texture2D(palette, vec2((share * 255.0 + 0.5) / 256.0, 0.5)).rgb;
+  // What is coarse so far has no age, is greyer than the rest, and hatched.
+  if (coarse) {
+    vec3 grey = vec3(dot(colour, vec3(0.3, 0.59, 0.11)));
+    colour = mode == 2 ? vec3(0.5) : mix(grey, colour, 0.4);
+  }
   // A lamp in the north-west, weaker ones beside it, and the sky.
   vec3 normal = normalize(vec3(gradient.x * exaggeration, 1.0, -gradient.y * exaggeration));
   float light = 0.42 + 0.48 * max(dot(normal, normalize(vec3(-1.0, 1.1, -1.0))), 0.0) / 0.614
               + 0.07 * max(dot(normal, normalize(vec3(-1.0, 1.0, 0.6))), 0.0)
               + 0.07 * max(dot(normal, normalize(vec3(0.6, 1.0, -1.0))), 0.0);
   colour *= clamp(light, 0.25, 1.25);
+  if (coarse && fract((gl_FragCoord.x - gl_FragCoord.y) / (9.0 * pixel_ratio)) < 0.25) colour = mix(colour, vec3(1.0), 0.35);
   if (!gl_FrontFacing) colour *= 0.3;  // seen from below, through a gap
   if (contour_m > 0.0) {
     float level = depth_m / contour_m;
@@ -98,7 +113,7 @@ void main() {
     line *= (thick ? 0.85 : 0.5) * (1.0 - smoothstep(0.12, 0.3, width));
     colour = mix(colour, contour_colour, line);
   }
-  if (top_m + cell.r / 256.0 * cell_m < obstacle_m) {
+  if (!coarse && top_m + cell.r / 256.0 * cell_m < obstacle_m) {
     float stripe = step(0.5, fract((gl_FragCoord.x + gl_FragCoord.y) / (10.0 * pixel_ratio)));
     colour = mix(colour, mix(vec3(0.84, 0.12, 0.16), vec3(1.0, 0.93, 0.93), stripe), 0.86);
   }
@@ -222,12 +237,7 @@ export class SeafloorScene {
   /** Uploads one tile: into its chunk and, at a chunk's rim, into the neighbours'. */
   setTile(id, tile) {
     const data = this.patch.image.data;
-    for (let k = 0; k < TILE_AREA; k++) {
-      data[4 * k] = tile[k] >>> 8;
-      data[4 * k + 1] = tile[k] & 31;
-      data[4 * k + 2] = tile[TILE_AREA + k];
-      data[4 * k + 3] = (tile[k] >>> 5) & 7;
-    }
+    for (let k = 0; k < TILE_AREA; k++) data.set(texel(tile, k), 4 * k);
     const tilesPerChunk = CHUNK / TILE_SIDE;
     const row = Math.floor(id / this.store.tilesEast), column = id % this.store.tilesEast;
     const chunkRow = Math.floor(row / tilesPerChunk), chunkColumn = Math.floor(column / tilesPerChunk);
@@ -276,8 +286,7 @@ export class SeafloorScene {
       if (north < 0 || east < 0) return null;
       const tile = this.store.tiles.get(Math.floor(north / TILE_SIDE) * this.store.tilesEast + Math.floor(east / TILE_SIDE));
       if (!tile || east >= this.store.tilesEast * TILE_SIDE) return null;
-      const k = (north % TILE_SIDE) * TILE_SIDE + (east % TILE_SIDE);
-      return [tile[k] >>> 8, tile[k] & 31, tile[TILE_AREA + k], (tile[k] >>> 5) & 7];
+      return texel(tile, (north % TILE_SIDE) * TILE_SIDE + (east % TILE_SIDE));
     };
     const sides = [
       { width: TEXTURE, height: 1, x: 0, y: 0, at: (i) => [-1, i - 1] },
@@ -308,7 +317,7 @@ export class SeafloorScene {
   }
 
   clearTile(id) {
-    this.setTile(id, new Uint32Array(2 * TILE_AREA));
+    this.setTile(id, new Uint32Array(TILE_WORDS));
   }
 
   setView(mapView) {
@@ -351,7 +360,7 @@ export class SeafloorScene {
     const store = this.store;
     if (!store) return;
     const b = store.bounds ?? { north0: 0, north1: store.size[0], east0: 0, east1: store.size[1] };
-    if (store.known) this.shared.reference.value = ((store.depthQuantile(0.5) - store.originM[2]) / store.cellM) * 256;
+    if (store.shown) this.shared.reference.value = ((store.depthQuantile(0.5) - store.originM[2]) / store.cellM) * 256;
     const spanNorth = (b.north1 - b.north0) * store.cellM, spanEast = (b.east1 - b.east0) * store.cellM;
     const x = ((b.east0 + b.east1) / 2 - store.size[1] / 2) * store.cellM;
     const z = -((b.north0 + b.north1) / 2 - store.size[0] / 2) * store.cellM;
@@ -388,7 +397,7 @@ export class SeafloorScene {
         }
       }
     }
-    const at = vehicle && store.known && !this.mapView ? this.world(vehicle) : null;
+    const at = vehicle && store.shown && !this.mapView ? this.world(vehicle) : null;
     const [low, high] = [corners[0], corners[3]];
     const far = 0.25 * Math.max(Math.abs(high.x - low.x), Math.abs(high.z - low.z));
     if (at && at.x > low.x - far && at.x < high.x + far && at.z < low.z + far && at.z > high.z - far) corners.push(at);
@@ -560,7 +569,7 @@ export class SeafloorScene {
       const nextN = by.n === 0 ? Infinity : ((by.n > 0 ? n + 1 : n) - from.n) / by.n;
       const nextE = by.e === 0 ? Infinity : ((by.e > 0 ? e + 1 : e) - from.e) / by.e;
       const leave = Math.min(nextN, nextE, t1);
-      const cell = store.cell(n, e);
+      const cell = store.shownCell(n, e);
       if (cell && Math.max(from.d + t * by.d, from.d + leave * by.d) >= cell.depthM) {
         return { northM: store.originM[0] + (n + 0.5) * store.cellM, eastM: store.originM[1] + (e + 0.5) * store.cellM };
       }

@@ -85,7 +85,7 @@ export function emptyWords(state, connected) {
   if (!state) return ["Connecting", ""];
   if (state.link.refused) return ["This vehicle is not understood", state.link.refused];
   if (state.map) {
-    return state.map.known_cells > 0 ? null
+    return state.map.known_cells > 0 || state.map.coarse_tiles > 0 ? null
       : ["No seafloor yet", "The vehicle is heard; the first cells appear here as soon as they are sent."];
   }
   if (state.link.silent_s < 0 && !state.player) {
@@ -156,6 +156,9 @@ export function healthRows(state) {
   if (map) {
     add("map", "Map", `${grouped(map.known_cells)} cells`, "ok", null,
       `${metres(map.cell_mm / 1000)} each${vehicle && vehicle.tiles_dirty ? `, ${grouped(vehicle.tiles_dirty)} tiles still to come` : ""}`);
+    if (map.coarse_tiles) {
+      add("coarse", "Coarse so far", `${grouped(map.coarse_tiles)} tiles`, "ok", null, "hatched: cells four times as wide, until theirs come");
+    }
     if (map.vertical_datum) add("datum", "Depths from", map.vertical_datum, "ok");
     if (map.incomplete_tiles) add("missing", "Lost on the way", `${grouped(map.incomplete_tiles)} tiles`, "warn", null, "asked for again");
   }
