@@ -11,7 +11,7 @@
 namespace leadline::host {
 namespace {
 
-enum class Kind : std::uint8_t { kTiles = 1, kTrack = 2, kComplete = 3 };
+enum class Kind : std::uint8_t { kTiles = 1, kTrack = 2, kComplete = 3, kCoarseTiles = 4 };
 
 void put_u32(std::vector<std::uint8_t>* out, std::uint32_t value) {
   for (unsigned shift = 0; shift < 32; shift += 8) {
@@ -54,10 +54,25 @@ PageMessage track_message(const Track& track, PageCursor* cursor) {
   return message;
 }
 
-PageMessage tiles_message(const LiveMap& map, const std::vector<std::uint32_t>& tiles,
+bool has_coarse(const LiveTile& tile) {
+  return std::any_of(tile.coarse.begin(), tile.coarse.end(),
+                     [](proto::CodedCell cell) { return proto::cell_known(cell); });
+}
+
+// As many of the tiles, in their order, as are of one kind.
+PageMessage tiles_message(const LiveMap& map, std::vector<std::uint32_t> tiles,
                           PageCursor* cursor) {
-  PageMessage message = begin(Kind::kTiles, tiles.size(), cursor->epoch);
-  message.bytes.reserve(kTileHeader_bytes + tiles.size() * kPageTile_bytes);
+  const bool coarse = has_coarse(*map.tile(tiles.front()));
+  tiles.erase(std::find_if(tiles.begin(), tiles.end(),
+                           [&](std::uint32_t id) { return has_coarse(*map.tile(id)) != coarse; }),
+              tiles.end());
+  if (coarse && tiles.size() > kMaxCoarseTilesPerMessage) {
+    tiles.resize(kMaxCoarseTilesPerMessage);
+  }
+  PageMessage message =
+      begin(coarse ? Kind::kCoarseTiles : Kind::kTiles, tiles.size(), cursor->epoch);
+  message.bytes.reserve(kTileHeader_bytes +
+                        tiles.size() * (coarse ? kCoarsePageTile_bytes : kPageTile_bytes));
   for (const std::uint32_t id : tiles) {
     const LiveTile& tile = *map.tile(id);
     put_u32(&message.bytes, id);
@@ -67,8 +82,8 @@ PageMessage tiles_message(const LiveMap& map, const std::vector<std::uint32_t>& 
     for (const std::uint32_t time_ds : tile.time_ds) {
       put_u32(&message.bytes, time_ds);
     }
-    for (const proto::CodedCell cell : tile.coarse) {
-      put_u32(&message.bytes, cell);
+    for (std::size_t k = 0; coarse && k < tile.coarse.size(); ++k) {
+      put_u32(&message.bytes, tile.coarse[k]);
     }
     cursor->change = tile.change;
   }

@@ -14,10 +14,13 @@
 namespace leadline::host {
 
 inline constexpr std::size_t kTileHeader_bytes = 8;
-inline constexpr std::size_t kPageTile_bytes =
-    4 + 2 * 4 * proto::kTileArea_cells + 4 * proto::kCoarseOfTile_cells;
+inline constexpr std::size_t kPageTile_bytes = 4 + 2 * 4 * proto::kTileArea_cells;
+/// One with coarse cells that stand in for some.
+inline constexpr std::size_t kCoarsePageTile_bytes =
+    kPageTile_bytes + 4 * proto::kCoarseOfTile_cells;
 /// Tiles of one message: below 64 KiB, so that a state never waits behind more.
-inline constexpr std::size_t kMaxTilesPerMessage = 30;
+inline constexpr std::size_t kMaxTilesPerMessage = 31;
+inline constexpr std::size_t kMaxCoarseTilesPerMessage = 30;
 inline constexpr std::size_t kMaxPointsPerMessage = 2048;
 /// Longest message that a page may send.
 inline constexpr std::size_t kMaxRequest_bytes = 1024;

@@ -18,7 +18,7 @@ for (const side of [64, 128, 256, 512, 1024, 2048]) {
     const { scene } = window.leadline;
     const store = new MapStore({ cell_mm: 500, size_cells: [cells, cells, 64], origin_mm: [0, 0, 0] });
     scene.begin(store);
-    const message = new Uint32Array(529);
+    const message = new Uint32Array(513);
     const put = (id, depth) => {
       message[0] = id;
       for (let k = 0; k < 256; k++) message[1 + k] = ((depth + k) << 8) | 10;

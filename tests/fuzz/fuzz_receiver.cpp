@@ -32,7 +32,7 @@ constexpr std::uint32_t kMostTiles = 4096;
 
 void show(const Receiver& receiver) {
   LiveMap map;
-  map.follow(*receiver.store(), 1'000'000);
+  map.follow(*receiver.store(), 1'000'000, &receiver.coarse());
   PageState state;
   state.follow(receiver, 1.0);
   const std::string json = state.json(receiver, {}, 2.0);
@@ -43,12 +43,18 @@ void show(const Receiver& receiver) {
   int messages = 0;
   while (const auto message =
              next_page_message({&palettes, &map, &track, 1, &json, true}, &cursor)) {
-    const bool cells = !message->text && message->bytes[0] == 1;
-    tiles += cells ? (message->bytes.size() - kTileHeader_bytes) / kPageTile_bytes : 0;
+    const std::uint8_t kind = message->text ? 0 : message->bytes[0];
+    const std::size_t bytes = message->bytes.size() - kTileHeader_bytes;
+    tiles += kind == 1 ? bytes / kPageTile_bytes : 0;
+    tiles += kind == 4 ? bytes / kCoarsePageTile_bytes : 0;
     messages += 1;
     check(messages < 1000);
   }
-  check(cursor.complete && tiles == receiver.store()->known_tiles());
+  std::size_t shown = receiver.store()->known_tiles();
+  for (const std::uint32_t tile : receiver.coarse().changed_since(0)) {
+    shown += receiver.store()->tile(tile) ? 0U : 1U;
+  }
+  check(cursor.complete && tiles == shown);
 }
 
 void play(const std::uint8_t* data, std::size_t size) {

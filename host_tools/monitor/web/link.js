@@ -1,7 +1,7 @@
 // The WebSocket to the monitor: opens it again when it closes, takes its messages apart.
 
-const KIND_TILES = 1, KIND_TRACK = 2, KIND_COMPLETE = 3;
-const TILE_WORDS = 529;
+const KIND_TILES = 1, KIND_TRACK = 2, KIND_COMPLETE = 3, KIND_COARSE_TILES = 4;
+const TILE_WORDS = 513, COARSE_TILE_WORDS = 529;
 
 export class Link extends EventTarget {
   constructor() {
@@ -39,9 +39,9 @@ export class Link extends EventTarget {
   #binary(buffer) {
     const head = new DataView(buffer);
     const kind = head.getUint8(0), count = head.getUint16(2, true), epoch = head.getUint32(4, true);
-    if (kind === KIND_TILES) {
-      const tiles = [];
-      for (let k = 0; k < count; k++) tiles.push(new Uint32Array(buffer, 8 + 4 * TILE_WORDS * k, TILE_WORDS));
+    if (kind === KIND_TILES || kind === KIND_COARSE_TILES) {
+      const tiles = [], size = kind === KIND_TILES ? TILE_WORDS : COARSE_TILE_WORDS;
+      for (let k = 0; k < count; k++) tiles.push(new Uint32Array(buffer, 8 + 4 * size * k, size));
       this.#say("tiles", { epoch, tiles });
     } else if (kind === KIND_TRACK) {
       this.#say("track", { epoch, first: head.getUint32(8, true), points: new Float32Array(buffer, 12, 4 * count) });

@@ -33,13 +33,14 @@ export class MapStore {
   /** Whether anything is to be seen. */
   get shown() { return this.known + this.coarse > 0; }
 
-  /** Takes a tile (529 numbers: its own, 256 cells, 256 times, 16 coarse cells) and returns it as kept. */
+  /** Takes a tile (its own number, 256 cells, 256 times; 16 coarse cells where some stand in for cells) and returns it as kept. */
   setTile(message) {
     const id = message[0];
     const rows = Math.ceil(this.size[0] / TILE_SIDE);
     if (id >= rows * this.tilesEast) return null;
     const before = this.tiles.get(id);
-    const now = message.slice(1, 1 + TILE_WORDS);
+    const now = new Uint32Array(TILE_WORDS);
+    now.set(message.subarray(1));
     if (before) this.#countAll(before, -1);
     this.#countAll(now, 1);
     for (let k = 0; k < TILE_AREA; k++) {

@@ -1,6 +1,7 @@
 // Coarse cells at the topside: shown where nothing is known, gone with what comes, never part of the map; and the page
 // gets them the same way.
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "host_tools/monitor/live_map.hpp"
@@ -204,6 +205,29 @@ TEST(a_receiver_keeps_them_apart_and_a_page_sees_them_come_and_go) {
   assert_int_equal(live.tile(0)->cells[2], 0);
   live.follow(*receiver.store(), 2'000'000, &receiver.coarse());
   assert_int_equal(live.change(), 1);
+  // To a page: a message of its own kind, between those of other tiles.
+  const std::string text = "{}";
+  const leadline::host::Track track;
+  leadline::host::PageCursor cursor;
+  const auto tiles_sent = [&] {
+    std::vector<std::vector<std::uint8_t>> messages;
+    while (const auto message =
+               next_page_message({&text, &live, &track, 1, &text, true}, &cursor)) {
+      if (!message->text && message->bytes[0] != 3) {
+        messages.push_back(message->bytes);
+      }
+    }
+    return messages;
+  };
+  auto sent = tiles_sent();
+  assert_int_equal(sent.size(), 1);
+  assert_int_equal(sent[0][0], 4);
+  assert_int_equal(sent[0].size(),
+                   leadline::host::kTileHeader_bytes + leadline::host::kCoarsePageTile_bytes);
+  const std::size_t third = sent[0].size() - 4 * std::size_t{14};
+  for (unsigned k = 0; k < 4; ++k) {
+    assert_int_equal(sent[0][third + k], delta.cells[2] >> (8 * k) & 255U);
+  }
 
   feed(&receiver, packet(fine_delta(0, 1, kTileArea_cells), tag, TileScale::kFine));
   assert_int_equal(receiver.coarse().tiles(), 0);
@@ -212,6 +236,11 @@ TEST(a_receiver_keeps_them_apart_and_a_page_sees_them_come_and_go) {
   assert_int_equal(live.tile(0)->coarse[2], 0);
   assert_true(cell_known(live.tile(0)->cells[2]));
   assert_int_equal(live.tile(0)->time_ds[2], 30);
+  sent = tiles_sent();
+  assert_int_equal(sent.size(), 1);
+  assert_int_equal(sent[0][0], 1);
+  assert_int_equal(sent[0].size(),
+                   leadline::host::kTileHeader_bytes + leadline::host::kPageTile_bytes);
 
   // Another map knows nothing of it.
   feed(&receiver, packet(delta, tag, TileScale::kCoarse));
