@@ -17,7 +17,7 @@ void add_link_use_options(CLI::App* command, std::string* store_path, std::strin
   command
       ->add_option("--share", *share_path,
                    "Local socket of this user through which `leadline command --link unix:SOCKET` "
-                   "uses the link\nmeanwhile")
+                   "uses the link\nmeanwhile; receive and monitor get the map there, also later")
       ->type_name("SOCKET");
 }
 
