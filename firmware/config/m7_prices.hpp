@@ -41,7 +41,7 @@ inline constexpr UsualColumn kUsualColumn;
 inline constexpr std::uint32_t kMostRead = 2450;
 inline constexpr std::uint32_t kMostReadCell = 175;
 inline constexpr std::uint32_t kMostSmoothed = 16'000;
-inline constexpr std::uint32_t kMostAssessed = 4'150;  ///< and compared
+inline constexpr std::uint32_t kMostAssessed = 4'300;  ///< and compared
 /// Of finding a pass's next step, for each tile of the grid, and of beginning a pass: in a cycle, at most.
 inline constexpr std::uint32_t kMostSearchTile = 100;
 
