@@ -119,6 +119,11 @@ Status Navigator::configure(const NavigatorConfig& config) {
   convergence_bam32_ = 0;
   epoch_ = 0;
   counters_ = NavigatorCounters{};
+  // Nothing of a survey before shows, whatever is looked at before it is known.
+  origin_candidate_ = Geodetic{};
+  newest_us_ = 0;
+  attitude_us_ = 0;
+  attitude_ = base::Attitude{};
   history_ = PoseHistory(storage_.data(), storage_.size(), config.max_gap_us);
   reset_state();
   return Status::kOk;

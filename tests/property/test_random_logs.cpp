@@ -13,6 +13,7 @@
 #include <iterator>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "firmware/config/port_section.hpp"
@@ -540,6 +541,26 @@ int wanted_logs() {
   return said != nullptr ? std::atoi(said) : 12;
 }
 
+struct Flown {
+  Bytes log;
+  LogEnd end{};
+};
+
+/// Each is replayed behind another flight than it was flown behind: what a configuration leaves of the one before would
+/// show. The first time there is none.
+void expect_replay(int k, const Flown& flown) {
+  if (flown.log.empty()) {
+    return;
+  }
+  const LogEnd now = replayed(flown.log);
+  if (!leadline::firmware::same_results(now, flown.end)) {
+    std::printf("log %d of seed %llu replays to something else\n", k,
+                static_cast<unsigned long long>(leadline::test::seed()));
+  }
+  assert_true(leadline::firmware::same_results(now, flown.end));
+  assert_int_equal(now.pings_in, flown.end.pings_in);
+}
+
 TEST(what_was_flown_is_replayed) {
   const char* const folder = std::getenv("LEADLINE_RANDOM_LOGS");
   const int count = wanted_logs();
@@ -554,12 +575,13 @@ TEST(what_was_flown_is_replayed) {
   std::uint64_t bytes = 0;
   std::uint64_t downlink = 0;
   int refused = 0;
+  Flown before;
   for (int k = 0; k < count;) {
     // One stream of chance for each, which is the same however many logs are made.
     const Random streams(static_cast<std::uint64_t>(k) +
                          1'000'000 * static_cast<std::uint64_t>(refused));
     Random random(Random(streams).next(), 0);
-    const auto flight = Flight::begin(random);
+    auto flight = Flight::begin(random);
     if (flight == nullptr) {
       refused += 1;
       assert_true(refused < 10 * count);
@@ -580,18 +602,14 @@ TEST(what_was_flown_is_replayed) {
                  static_cast<std::streamsize>(flight->log.size()));
       assert_true(file.good());
     }
-    const LogEnd now = replayed(flight->log);
-    if (!leadline::firmware::same_results(now, flight->end)) {
-      std::printf("log %d of seed %llu replays to something else\n", k,
-                  static_cast<unsigned long long>(leadline::test::seed()));
-    }
-    assert_true(leadline::firmware::same_results(now, flight->end));
-    assert_int_equal(now.pings_in, flight->end.pings_in);
-    fused += now.pings_fused;
+    fused += flight->end.pings_fused;
     bytes += flight->log.size();
-    downlink += now.downlink_bytes;
+    downlink += flight->end.downlink_bytes;
+    expect_replay(k - 1, before);
+    before = {std::move(flight->log), flight->end};
     k += 1;
   }
+  expect_replay(count - 1, before);
   for (std::size_t i = 1; i < drivers.size(); ++i) {
     std::printf("  %-10s %4llu ports %10llu bytes %9llu records\n",
                 leadline::firmware::driver_name(static_cast<Driver>(i)),

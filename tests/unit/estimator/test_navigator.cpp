@@ -632,6 +632,25 @@ TEST(where_no_attitude_comes_poses_say_so) {
   assert_true(navigator.counters().poses < 20);
 }
 
+TEST(configured_anew_nothing_shows_of_before) {
+  configure(plain());
+  for (TimeUs t = 0; t < 5'000'000; t += 100'000) {
+    navigator.take(fix_at(t, 10, 20));
+    navigator.take(attitude_at(t, 0.1, 0.2, 0.3));
+  }
+  configure(plain());
+  for (TimeUs t = 0; t < 2'000'000; t += 100'000) {
+    navigator.take(fix_at(t, 0, 0));
+    navigator.tick(t + 50'000);
+  }
+  const Pose& pose = navigator.latest();
+  assert_int_equal(pose.validity, leadline::base::kPoseHorizontal);
+  // No attitude has come: not that of before either.
+  assert_int_equal(pose.attitude.roll_bam32, 0);
+  assert_int_equal(pose.attitude.pitch_bam32, 0);
+  assert_int_equal(pose.attitude.heading_bam32, 0);
+}
+
 TEST(body_velocity_needs_an_attitude_and_turns_with_it) {
   configure(plain());
   NavSample velocity = sample_at(0, leadline::base::kNavVelocityBody);
