@@ -125,7 +125,8 @@ bool TilePacketEncoder::put_cells(const TileUpdate& update, int cell_count,
   return true;
 }
 
-base::Result<int> TilePacketEncoder::add(const TileUpdate& update, CellMask& taken) {
+base::Result<int> TilePacketEncoder::add(const TileUpdate& update, int least_cells,
+                                         CellMask& taken) {
   if (!valid_update(update)) {
     return base::Status::kInvalidArgument;
   }
@@ -155,7 +156,7 @@ base::Result<int> TilePacketEncoder::add(const TileUpdate& update, CellMask& tak
     // Fewer cells have a mask of other length: what fitted may just not, hence one by one from there.
     // When the mask alone was too long nothing is known yet but that fewer may do.
     count = fitting > 0 ? base::min_of(fitting, count - 1) : count / 2;
-    if (count == 0) {
+    if (count < least_cells) {
       return base::Status::kFull;
     }
   }

@@ -83,7 +83,13 @@ class TilePacketEncoder {
   /// subset of update.changed. O(tile), a few times. Else nothing is taken and the packet is unchanged:
   /// * kFull: not one cell fits, kMaxPacketTiles are in, or the packet is finished
   /// * kInvalidArgument: no changed cell, a tile number or a changed cell out of range
-  [[nodiscard]] base::Result<int> add(const TileUpdate& update, CellMask& taken);
+  [[nodiscard]] base::Result<int> add(const TileUpdate& update, CellMask& taken) {
+    return add(update, 1, taken);
+  }
+  /// The same, and kFull unless all of them fit.
+  [[nodiscard]] base::Result<int> add_whole(const TileUpdate& update, CellMask& taken) {
+    return add(update, update.changed.count(), taken);
+  }
 
   /// Bytes of the packet so far; 0 while it has no cell. Within one byte of what finish() gives.
   [[nodiscard]] std::size_t size_bytes() const;
@@ -96,6 +102,7 @@ class TilePacketEncoder {
  private:
   static constexpr std::size_t kTileHeaderBound_bytes = 15;
 
+  [[nodiscard]] base::Result<int> add(const TileUpdate& update, int least_cells, CellMask& taken);
   [[nodiscard]] bool put_cells(const TileUpdate& update, int cell_count, std::size_t capacity_bytes,
                                CellMask& taken, int& fitting);
 

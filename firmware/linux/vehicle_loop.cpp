@@ -138,6 +138,13 @@ void VehicleLoop::gather(std::int64_t deadline_us, bool only_link,
       take_line(i, monotonic_us());
     }
   }
+  const std::int64_t soonest_us = cycle_begun_us_ + firmware::least_cycle_us(file_.cycle_us);
+  const auto hasten = [this, &deadline_us, soonest_us](std::int64_t wish_us) {
+    if (!lockstep()) {
+      deadline_us = std::min(deadline_us, std::max(wish_us, soonest_us));
+    }
+  };
+  hasten(wish_us_);
   for (std::int64_t now_us = monotonic_us(); now_us < deadline_us && stop == stop_before;
        now_us = monotonic_us()) {
     const std::size_t count = wait_set(only_link);
@@ -149,6 +156,9 @@ void VehicleLoop::gather(std::int64_t deadline_us, bool only_link,
       }
       port(waiting_lines_[i]).service(arrival_us);
       take_line(waiting_lines_[i], arrival_us);
+    }
+    if (link_spoke_) {
+      hasten(arrival_us);
     }
   }
   for (std::size_t i = only_link ? link_index() : 0; i < lines_.size(); ++i) {
@@ -269,6 +279,7 @@ void VehicleLoop::hear_commands(base::TimeUs t_us) {
 
 void VehicleLoop::run_cycle(base::TimeUs t_us) {
   const std::int64_t start_us = monotonic_us();
+  cycle_begun_us_ = start_us;
   add_host_report(t_us);
   if (pages_ != nullptr) {
     pages_->take(t_us, &chunks_);
@@ -282,6 +293,7 @@ void VehicleLoop::run_cycle(base::TimeUs t_us) {
   // From here until the frames are handed to the link nothing asks the kernel (tests/cli/test_timing_ci.py).
   vehicle_.cycle(input, output);
   send(output);
+  wish_us_ = output.wish_us == INT64_MAX ? INT64_MAX : start_us + output.wish_us;
   timing_.cycle.add(monotonic_us() - start_us);
   if (pages_ != nullptr) {
     pages_->ask(output.store);
@@ -362,11 +374,17 @@ void VehicleLoop::end_log() {
 void VehicleLoop::fly_real(const volatile std::sig_atomic_t& stop) {
   std::int64_t next_us = monotonic_us();
   begin_log(next_us);
+  next_us += file_.cycle_us;
   while (stop == 0) {
-    next_us += file_.cycle_us;
     service(monotonic_us());
+    link_spoke_ = false;
     gather(next_us, false, stop);
     const base::TimeUs now_us = monotonic_us();
+    const bool early = now_us < next_us;
+    if (early && stop == 0) {
+      run_cycle(now_us);
+      continue;
+    }
     timing_.slip.add(now_us - next_us);
     run_cycle(now_us);
     const std::int64_t late_us = monotonic_us() - next_us;
@@ -374,6 +392,7 @@ void VehicleLoop::fly_real(const volatile std::sig_atomic_t& stop) {
       summary_.overruns += 1;
       next_us += late_us;
     }
+    next_us += file_.cycle_us;
   }
 }
 

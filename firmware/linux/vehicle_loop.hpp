@@ -112,6 +112,9 @@ class VehicleLoop {
   LoopTiming timing_;
   ServiceManager manager_;
   bool link_spoke_ = false;  ///< bytes came up the link in this cycle
+  // Of the real clock.
+  std::int64_t cycle_begun_us_ = 0;
+  std::int64_t wish_us_ = INT64_MAX;  ///< firmware::CycleOutput::wish_us
   std::int64_t cycle_last_us_ = 0;
   base::TimeUs report_due_us_ = 0;
   firmware::HostReport reported_{};

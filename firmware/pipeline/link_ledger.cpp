@@ -14,13 +14,14 @@ constexpr TimeUs kLeastPatience_us = 20'000;
 constexpr TimeUs kLeastSlack_us = 10'000;
 constexpr TimeUs kMostPatience_us = 60'000'000;
 constexpr int kEvenTimeouts = 3;
-// A line is fast when all that is under way since it was idle took less than so many round trips.
-constexpr TimeUs kFastTrips = 8;
-// One frame of so many may go again before anything is known of the first.
-constexpr std::uint32_t kFramesPerHasty = 30;
+constexpr std::uint32_t kManyCells = 1U << 20U;
+// Of may_repeat(): 1.2.
+constexpr std::uint32_t kMostSpent_q16 = 78'643;
+constexpr std::uint32_t kFewPart = 8;
 constexpr std::uint32_t kFirstLoss_q16 = 19'661;
 // The estimate follows the last 16 frames.
 constexpr unsigned kLossMemory_log2 = 4;
+constexpr unsigned kLongMemory_log2 = 6;
 // Numbers begin shortly before they wrap, so that no vehicle is the first to see it, after months.
 constexpr std::uint32_t kFirstNumber = 0U - 2 * LinkLedger::kFrames;
 constexpr std::uint32_t kFirstTile = 0U - LinkLedger::kFrameTiles;
@@ -41,27 +42,27 @@ void LinkLedger::reset(TimeUs first_patience_us) {
   waiting_since_us_ = 0;
   last_report_us_ = 0;
   busy_since_us_ = 0;
-  busy_frames_ = hasty_frames_ = 0;
+  sent_cells_ = owed_again_cells_ = under_way_cells_ = 0;
   waiting_ = false;
   timeouts_ = 0;
-  loss_q16_ = kFirstLoss_q16;
+  loss_q16_ = long_loss_q16_ = kFirstLoss_q16;
+  next_loss_us_ = INT64_MAX;
   loses_ = false;
   heard_ = false;
 }
 
-bool LinkLedger::has_room(std::size_t tile_count) const {
-  const std::uint32_t used = end_ == first_ ? 0 : tiles_end_ - frame(first_).first_tile;
-  return end_ - first_ < kFrames && used + tile_count <= kFrameTiles;
-}
-
-// The oldest frames of the ring whose fate is known make room.
-void LinkLedger::forget_resolved() {
-  while (first_ != end_ && frame(first_).state >= State::kConfirmed) {
+bool LinkLedger::has_room(std::size_t tile_count) {
+  const auto fits = [this, tile_count] {
+    const std::uint32_t used = end_ == first_ ? 0 : tiles_end_ - frame(first_).first_tile;
+    return end_ - first_ < kFrames && used + tile_count <= kFrameTiles;
+  };
+  while (!fits() && frame(first_).state >= State::kConfirmed) {
     ++first_;
   }
   if (static_cast<std::int32_t>(newest_confirmed_ - first_) < 0) {
     newest_confirmed_ = first_;
   }
+  return fits();
 }
 
 bool LinkLedger::give_up_oldest(FrameTile& tile) {
@@ -73,7 +74,6 @@ bool LinkLedger::give_up_oldest(FrameTile& tile) {
   }
   given_up_ = 0;
   resolve(first_, State::kLost);
-  forget_resolved();
   return false;
 }
 
@@ -87,16 +87,18 @@ void LinkLedger::sent(std::uint16_t tag, const FrameTile* tiles, std::size_t til
     Frame& before = frame(end_ - back);
     if (before.tag == tag && before.tile_count > 0) {
       state = State::kNameless;
-      before.state = before.state == State::kUnderWay ? State::kNameless : before.state;
+      before.state = before.state < State::kConfirmed ? State::kNameless : State::kConfirmed;
     }
   }
   frame(end_) = Frame{through_us, tiles_end_, tag, static_cast<std::uint8_t>(tile_count), state};
   if (tile_count > 0) {
-    if (under_way_ == 0) {
-      busy_since_us_ = through_us;
-      busy_frames_ = hasty_frames_ = 0;
+    busy_since_us_ = under_way_ == 0 ? through_us : busy_since_us_;
+    sent_cells_ += cells_of(end_);
+    under_way_cells_ += cells_of(end_);
+    if (sent_cells_ > kManyCells) {
+      sent_cells_ /= 2;
+      owed_again_cells_ /= 2;
     }
-    ++busy_frames_;
   }
   if (tile_count > 0 && !waiting_) {
     waiting_ = true;
@@ -110,6 +112,7 @@ void LinkLedger::sent(std::uint16_t tag, const FrameTile* tiles, std::size_t til
 void LinkLedger::resolve(std::uint32_t number, State state) {
   Frame& resolved = frame(number);
   under_way_ -= resolved.tile_count > 0 ? 1U : 0U;
+  under_way_cells_ -= cells_of(number);
   resolved.state = state;
 }
 
@@ -119,9 +122,18 @@ void LinkLedger::learn_round_trip(TimeUs measured_us) {
   round_trip_us_ = shorter ? measured_us : round_trip_us_ + (measured_us - round_trip_us_) / 4;
 }
 
+void LinkLedger::learn_loss(bool lost) {
+  const auto learn = [lost](std::uint32_t& loss_q16, unsigned memory_log2) {
+    loss_q16 += lost ? (65'536U - loss_q16) >> memory_log2 : 0U - (loss_q16 >> memory_log2);
+  };
+  learn(loss_q16_, kLossMemory_log2);
+  learn(long_loss_q16_, kLongMemory_log2);
+}
+
 // A report that comes so long after a frame is through has it, or it was lost.
 TimeUs LinkLedger::named_us() const {
-  return round_trip_us_ + max_of(round_trip_us_ / 2, kLeastSlack_us);
+  return round_trip_us_ == 0 ? first_patience_us_
+                             : round_trip_us_ + max_of(round_trip_us_ / 2, kLeastSlack_us);
 }
 
 TimeUs LinkLedger::patience_us() const {
@@ -137,15 +149,43 @@ TimeUs LinkLedger::followed_us(std::uint32_t number) const {
   return frame(number + min_of(kOvertaken, end_ - 1 - number)).through_us;
 }
 
-// How long a frame waits for a word. A line that loses and has nothing else to carry may as well carry it again: where
-// round trips are a large part of the time that all takes, soon, for a few frames; else when the word is overdue.
-TimeUs LinkLedger::silence_us(TimeUs now_us, bool idle) const {
-  if (!idle || !loses_) {
+std::uint32_t LinkLedger::cells_of(std::uint32_t number) const {
+  const Frame& each = frame(number);
+  std::uint32_t cells = 0;
+  for (std::uint32_t i = 0; i < each.tile_count; ++i) {
+    cells += static_cast<std::uint32_t>(tiles_[(each.first_tile + i) % kFrameTiles].cells.count());
+  }
+  return cells;
+}
+
+// A line that has nothing else to carry may as well carry again what nobody has spoken of, while all that was sent
+// stays within what such a line takes for as many cells, and a little on top.
+bool LinkLedger::may_repeat(std::uint32_t number) const {
+  const std::uint64_t once = sent_cells_ - owed_again_cells_;
+  const std::uint64_t spent = std::uint64_t{sent_cells_} + cells_of(number);
+  return spent * (65'536U - long_loss_q16_) <= once * kMostSpent_q16;
+}
+
+// How long a frame waits for a word: a line that loses and has nothing else to carry may as well carry it again when the
+// word is about due. Else when it is overdue.
+TimeUs LinkLedger::silence_us(std::uint32_t number, bool idle) const {
+  if (!idle) {
     return 3 * patience_us();
   }
-  const bool fast = now_us - busy_since_us_ < kFastTrips * round_trip_us_;
-  const bool affordable = hasty_frames_ * kFramesPerHasty < busy_frames_;
-  return fast && affordable ? named_us() / 4 : patience_us();
+  // Before anything is known of it, a line is one that loses.
+  const bool loses = loses_ || round_trip_us_ == 0;
+  if (!loses || !may_repeat(number)) {
+    return patience_us();
+  }
+  // Of the last few the bytes are little and the round trips all.
+  const bool few = under_way_cells_ * kFewPart < sent_cells_ - owed_again_cells_;
+  return few ? named_us() / 4 : named_us() * 3 / 4;
+}
+
+void LinkLedger::note_rest() {
+  if (under_way_ == 0) {
+    sent_cells_ = owed_again_cells_ = 0;
+  }
 }
 
 void LinkLedger::note_report(TimeUs now_us) {
@@ -160,13 +200,18 @@ void LinkLedger::note_report(TimeUs now_us) {
   waiting_since_us_ = now_us;
 }
 
-void LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
+LinkLedger::Word LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
   for (std::uint32_t number = first_; number != end_; ++number) {
     Frame& each = frame(number);
-    if (each.tag != tag || each.state != State::kUnderWay) {
+    if (each.tag != tag || each.state == State::kNameless || each.state == State::kConfirmed) {
       continue;
     }
-    resolve(number, State::kConfirmed);
+    const bool late = each.state > State::kConfirmed;
+    if (late) {
+      each.state = State::kConfirmed;
+    } else {
+      resolve(number, State::kConfirmed);
+    }
     if (static_cast<std::int32_t>(number + 1 - newest_confirmed_) > 0) {
       newest_confirmed_ = number + 1;
       // A frame that others overtook, or that is reported again, says nothing of the round trip; nor
@@ -175,16 +220,16 @@ void LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
         learn_round_trip(max_of<TimeUs>(now_us - each.through_us, 1));
       }
     }
-    loss_q16_ -= loss_q16_ >> kLossMemory_log2;
+    learn_loss(false);
     telling_ = each.first_tile;
     telling_count_ = each.tile_count;
-    return;
+    return late ? Word::kCameLate : Word::kCame;
   }
+  return Word::kNone;
 }
 
 bool LinkLedger::next_confirmed(FrameTile& tile) {
   if (telling_count_ == 0) {
-    forget_resolved();
     return false;
   }
   tile = tiles_[telling_ % kFrameTiles];
@@ -193,39 +238,68 @@ bool LinkLedger::next_confirmed(FrameTile& tile) {
   return true;
 }
 
+void LinkLedger::cover(const FrameTile& came) {
+  for (std::uint32_t number = first_; number != end_; ++number) {
+    const Frame& each = frame(number);
+    for (std::uint32_t i = 0; i < each.tile_count && each.state < State::kConfirmed; ++i) {
+      FrameTile& other = tiles_[(each.first_tile + i) % kFrameTiles];
+      if (other.coarse || other.tile != came.tile || other.epoch != came.epoch ||
+          other.version != came.version) {
+        continue;
+      }
+      under_way_cells_ -= static_cast<std::uint32_t>(other.cells.count());
+      for (int row = 0; row < proto::kTileSide_cells; ++row) {
+        other.cells.rows[row] =
+            static_cast<std::uint16_t>(other.cells.rows[row] & ~came.cells.rows[row]);
+      }
+      under_way_cells_ += static_cast<std::uint32_t>(other.cells.count());
+    }
+  }
+}
+
 bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
   if (telling_count_ == 0) {
     if (!heard_) {
       return false;
     }
     // What a report could have named and did not was lost. Without a report nothing is known: reports are lost,
-    // too. A line that has nothing else to carry may as well carry it again. Where a queue grows, the newest round
-    // trip is the one to go by.
+    // too.
+    next_loss_us_ = INT64_MAX;
     for (std::uint32_t number = first_; number != end_ && telling_count_ == 0; ++number) {
       Frame& each = frame(number);
-      if (each.state >= State::kConfirmed) {
+      if (each.state == State::kConfirmed || each.state == State::kLost) {
         continue;
       }
       const bool overtaken = static_cast<std::int32_t>(newest_confirmed_ - 1 - number) >=
                              static_cast<std::int32_t>(kOvertaken);
       const bool passed_over =
           round_trip_us_ != 0 && last_report_us_ - followed_us(number) >= named_us();
-      if (!overtaken && !passed_over) {
-        if (now_us - each.through_us < silence_us(now_us, idle)) {
+      const bool repeated = each.state == State::kRepeated;
+      if (overtaken || passed_over) {
+        loses_ = true;
+        learn_loss(true);
+      } else if (repeated) {
+        continue;
+      } else {
+        const TimeUs due_us = each.through_us + silence_us(number, idle);
+        if (now_us < due_us) {
+          next_loss_us_ = min_of(next_loss_us_, due_us);
           continue;
         }
-        ++hasty_frames_;
-      } else {
-        loses_ = true;
       }
-      resolve(number, State::kLost);
-      loss_q16_ += (65'536U - loss_q16_) >> kLossMemory_log2;
+      if (repeated) {
+        each.state = State::kLost;
+        continue;
+      }
+      // Of a nameless one nobody can tell later that it came.
+      const State fate = overtaken || passed_over ? State::kLost : State::kRepeated;
+      resolve(number, each.state == State::kNameless ? State::kConfirmed : fate);
+      owed_again_cells_ += cells_of(number);
       telling_ = each.first_tile;
       telling_count_ = each.tile_count;
     }
   }
   if (telling_count_ == 0) {
-    forget_resolved();
     // Patience that ended without a word counts once, however many frames it cost.
     if (waiting_ && now_us - waiting_since_us_ >= patience_us()) {
       waiting_since_us_ = now_us;
@@ -236,7 +310,7 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
       waiting_ = false;
       timeouts_ = 0;
       round_trip_us_ = report_gap_us_ = 0;
-      loss_q16_ = kFirstLoss_q16;
+      loss_q16_ = long_loss_q16_ = kFirstLoss_q16;
     }
     return false;
   }

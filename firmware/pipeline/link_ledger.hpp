@@ -15,8 +15,9 @@ namespace leadline::firmware {
 
 /// What a frame carried of a tile.
 struct FrameTile {
-  model::TileId tile;  ///< coarse: the coarse tile
-  std::uint8_t epoch;  ///< LinkMap::epoch() when it left
+  model::TileId tile;    ///< coarse: the coarse tile
+  std::uint8_t epoch;    ///< LinkMap::epoch() when it left
+  std::uint8_t version;  ///< LinkMap::version() then
   proto::CellMask cells;
   bool coarse = false;  ///< coarse cells (coarse_first.hpp)
 };
@@ -39,8 +40,9 @@ class LinkLedger {
   /// Forgets all. first_patience_us: how long a report may take before one told. O(kFrames).
   void reset(base::TimeUs first_patience_us);
 
-  /// Whether a frame of `tile_count` tiles can be noted without giving up an older one.
-  [[nodiscard]] bool has_room(std::size_t tile_count) const;
+  /// Whether a frame of `tile_count` tiles can be noted without giving up one that is under way; the oldest of those
+  /// whose fate is known make room.
+  [[nodiscard]] bool has_room(std::size_t tile_count);
   /// Gives up the oldest frame that is under way, and tells its tiles one by one: false when it has no more
   /// (it is out then). Only while under_way_frames() > 0.
   [[nodiscard]] bool give_up_oldest(FrameTile& tile);
@@ -48,14 +50,23 @@ class LinkLedger {
   void sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count,
             base::TimeUs through_us);
 
-  /// A report that came at `now_us` names a frame. While next_confirmed() gives tiles, they came. O(kFrames).
-  void confirm(std::uint16_t tag, base::TimeUs now_us);
+  /// A report that came at `now_us` names a frame. While next_confirmed() gives tiles, they came: kCame, and those
+  /// of kCameLate after next_lost() had told them. O(kFrames).
+  enum class Word : std::uint8_t { kNone, kCame, kCameLate };
+  [[nodiscard]] Word confirm(std::uint16_t tag, base::TimeUs now_us);
   [[nodiscard]] bool next_confirmed(FrameTile& tile);
+  /// These cells came, as they still are: frames under way that carry them too need not. O(kFrameTiles).
+  void cover(const FrameTile& came);
   /// One tile after the other of frames that are lost by now: overtaken by kOvertaken later frames, passed
   /// over by a report that could have named them, or not confirmed for long (patience_us(), sooner when the
   /// link is `idle`). False when there is none (more).
   /// O(kFrames) in all.
   [[nodiscard]] bool next_lost(base::TimeUs now_us, bool idle, FrameTile& tile);
+  /// When next_lost() has something to tell at the earliest if nothing else happens: as it found when it had told all.
+  [[nodiscard]] base::TimeUs next_loss_us() const { return next_loss_us_; }
+
+  /// Nothing is owed at the moment. Where nothing is under way either, what comes next is another matter.
+  void note_rest();
 
   /// Whether somebody reports: a report came, and since then fewer than kMostTimeouts patiences in a row
   /// ended without one. Who does not report is not waited for.
@@ -71,8 +82,9 @@ class LinkLedger {
   [[nodiscard]] std::uint32_t loss_q16() const { return loss_q16_; }
 
  private:
-  /// kNameless: under way, and another in the ring has its tag.
-  enum class State : std::uint8_t { kUnderWay, kNameless, kConfirmed, kLost };
+  /// kNameless: under way, and another in the ring has its tag. kRepeated: for all that is known under way, and its cells
+  /// go again.
+  enum class State : std::uint8_t { kUnderWay, kNameless, kConfirmed, kRepeated, kLost };
   struct Frame {
     base::TimeUs through_us;
     std::uint32_t first_tile;  ///< place in tiles_, modulo kFrameTiles
@@ -87,10 +99,12 @@ class LinkLedger {
   [[nodiscard]] Frame& frame(std::uint32_t number) { return frames_[number % kFrames]; }
   [[nodiscard]] const Frame& frame(std::uint32_t number) const { return frames_[number % kFrames]; }
   void resolve(std::uint32_t number, State state);
-  void forget_resolved();
+  [[nodiscard]] std::uint32_t cells_of(std::uint32_t number) const;
+  [[nodiscard]] bool may_repeat(std::uint32_t number) const;
   [[nodiscard]] base::TimeUs named_us() const;
-  [[nodiscard]] base::TimeUs silence_us(base::TimeUs now_us, bool idle) const;
+  [[nodiscard]] base::TimeUs silence_us(std::uint32_t number, bool idle) const;
   [[nodiscard]] base::TimeUs followed_us(std::uint32_t number) const;
+  void learn_loss(bool lost);
   void learn_round_trip(base::TimeUs measured_us);
 
   std::array<Frame, kFrames> frames_{};
@@ -112,11 +126,15 @@ class LinkLedger {
   base::TimeUs last_report_us_ = 0;
   bool waiting_ = false;  ///< frames with tiles left since the last report, or were under way then
   int timeouts_ = 0;      ///< in a row
-  // Since there was nothing under way.
-  base::TimeUs busy_since_us_ = 0;
-  std::uint32_t busy_frames_ = 0;   ///< with tiles
-  std::uint32_t hasty_frames_ = 0;  ///< of these, taken for lost before anything was known of them
+  base::TimeUs busy_since_us_ = 0;  ///< since there was nothing under way
+  // Since note_rest(); halved where they grow large.
+  std::uint32_t sent_cells_ = 0;
+  std::uint32_t under_way_cells_ =
+      0;  ///< of these, whose fate is not known, nor that of the same cells in another frame
+  std::uint32_t owed_again_cells_ = 0;  ///< of these, once more
   std::uint32_t loss_q16_ = 0;
+  std::uint32_t long_loss_q16_ = 0;  ///< over more frames
+  base::TimeUs next_loss_us_ = INT64_MAX;
   bool heard_ = false;
   bool loses_ = false;  ///< a report told of a loss
 };

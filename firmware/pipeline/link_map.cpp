@@ -14,6 +14,12 @@ void add(CellMask& mask, const CellMask& more) {
   }
 }
 
+void remove(CellMask& mask, const CellMask& fewer) {
+  for (int row = 0; row < proto::kTileSide_cells; ++row) {
+    mask.rows[row] = static_cast<std::uint16_t>(mask.rows[row] & ~fewer.rows[row]);
+  }
+}
+
 }  // namespace
 
 void LinkMap::reset(TileId tile_count) {
@@ -29,6 +35,7 @@ void LinkMap::reset(TileId tile_count) {
     under_way_[tile] = 0;
     missed_[tile] = false;
     epochs_[tile] = 0;
+    versions_[tile] = 0;
     generations_[tile] = 0;
     known_cells_[tile] = 0;
   }
@@ -83,10 +90,8 @@ int LinkMap::sent(TileId tile, const TileCells& present, const CellMask& taken) 
     changed += told[cell] != value ? 1 : 0;
     told[cell] = value;
   }
-  for (int row = 0; row < proto::kTileSide_cells; ++row) {
-    forced_[tile].rows[row] =
-        static_cast<std::uint16_t>(forced_[tile].rows[row] & ~taken.rows[row]);
-  }
+  remove(forced_[tile], taken);
+  versions_[tile] = static_cast<std::uint8_t>(versions_[tile] + (changed > 0 ? 1 : 0));
   hash32_[tile] = proto::fold_hash(proto::tile_hash(told));
   known_cells_[tile] = static_cast<std::uint16_t>(known);
   known_tiles_ += (known != 0 ? 1U : 0U) - (known_before != 0 ? 1U : 0U);
@@ -99,6 +104,14 @@ void LinkMap::confirm(TileId tile, std::uint8_t epoch) {
     return;
   }
   --under_way_[tile];
+}
+
+bool LinkMap::came(TileId tile, std::uint8_t epoch, std::uint8_t version, const CellMask& cells) {
+  if (epoch != epochs_[tile] || version != versions_[tile]) {
+    return false;
+  }
+  remove(forced_[tile], cells);
+  return true;
 }
 
 void LinkMap::lose(TileId tile, std::uint8_t epoch, const CellMask& cells) {

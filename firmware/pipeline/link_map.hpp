@@ -21,7 +21,7 @@ using TileCells = std::array<proto::CodedCell, proto::kTileArea_cells>;
 /// What a whole tile usually takes of a frame.
 inline constexpr std::size_t kTypicalTile_bytes = 96;
 
-/// 4 bytes a column and 48 a tile. Static storage, not thread-safe.
+/// 4 bytes a column and 49 a tile. Static storage, not thread-safe.
 class LinkMap {
  public:
   LinkMap() = default;
@@ -46,9 +46,14 @@ class LinkMap {
   [[nodiscard]] std::uint8_t epoch(model::TileId tile) const { return epochs_[tile]; }
   /// `taken` cells of `present` are in the downlink. Returns how many of them had changed.
   int sent(model::TileId tile, const TileCells& present, const proto::CellMask& taken);
-  /// A frame that sent() spoke of is noted to be under way; came; was lost (its cells are owed again).
+  /// Changes with the told cells of the tile, modulo 256.
+  [[nodiscard]] std::uint8_t version(model::TileId tile) const { return versions_[tile]; }
+  /// A frame that sent() spoke of is noted to be under way; is so no more; was lost (its cells are owed again).
   void note_under_way(model::TileId tile) { ++under_way_[tile]; }
   void confirm(model::TileId tile, std::uint8_t epoch);
+  /// These cells came: whatever was lost of them later, they are owed no more. False when they are old.
+  bool came(model::TileId tile, std::uint8_t epoch, std::uint8_t version,
+            const proto::CellMask& cells);
   void lose(model::TileId tile, std::uint8_t epoch, const proto::CellMask& cells);
   /// Nobody will say what became of it: the whole tile is owed once somebody reports again (owe_missed).
   void give_up(model::TileId tile, std::uint8_t epoch);
@@ -76,6 +81,7 @@ class LinkMap {
   std::array<std::uint32_t, model::kTileCapacity> hash32_{};
   std::array<std::uint16_t, model::kTileCapacity> under_way_{};  ///< frames
   std::array<std::uint8_t, model::kTileCapacity> epochs_{};
+  std::array<std::uint8_t, model::kTileCapacity> versions_{};
   std::array<bool, model::kTileCapacity> missed_{};
   std::array<std::uint16_t, model::kTileCapacity> known_cells_{};
   model::TileId tile_count_ = 0;

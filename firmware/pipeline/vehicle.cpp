@@ -45,6 +45,8 @@ constexpr std::int32_t kFastestSound_mm_s = 6'000'000;
 constexpr std::uint32_t kColumnsPerTile = 4 * proto::kTileArea_cells;
 // A ping waits so long for its voxels.
 constexpr TimeUs kMostHold_us = 1'000'000;
+// A long pause between two cycles is forgotten within some of these.
+constexpr TimeUs kPauseMemory_us = 1'000'000;
 // Where the vehicle will be so much later decides which tiles come early; its speed is that of the last step.
 constexpr std::int32_t kLookAhead_s = 10;
 constexpr TimeUs kTrackStep_us = 1'000'000;
@@ -369,6 +371,9 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   send_coarse();
   send_deltas();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
+  output.wish_us = ledger_.heard() && unsent_.size() == 0 && ledger_.next_loss_us() != INT64_MAX
+                       ? ledger_.next_loss_us() - link_us_
+                       : INT64_MAX;
   for (int port = 0; port < config_.port_count; ++port) {
     auto& bytes = requests_[port];
     std::size_t size = ports_[port].request(now_us_, bytes.data(), bytes.size());
@@ -395,12 +400,14 @@ void Vehicle::begin_cycle(TimeUs t_us) {
     watch_.hello_due_us = limited;
     watch_.hello_sent_us = limited;
     clock_us_ = link_us_ = limited;
-    link_elapsed_us_ = 0;
+    link_elapsed_us_ = link_pause_us_ = 0;
     return;
   }
   link_elapsed_us_ = max_of<TimeUs>(limited - clock_us_, 0);
   clock_us_ = limited;
   link_us_ += link_elapsed_us_;
+  const TimeUs pause_us = min_of(link_elapsed_us_, kPauseMemory_us);
+  link_pause_us_ = max_of(pause_us, link_pause_us_ - link_pause_us_ * pause_us / kPauseMemory_us);
   // Ages count in 32.768 ms, whatever the rate of the cycles.
   tick_ = static_cast<std::uint32_t>(static_cast<std::uint64_t>(link_us_) >> 15U);
   before_us_ = now_us_;

@@ -61,6 +61,10 @@ struct InputChunk {
   std::uint8_t port;
 };
 
+/// Cycles run once a period; one more where something came up the link meanwhile or CycleOutput::wish_us says so, so
+/// that what was lost goes again soon: this long after the cycle before at the earliest.
+constexpr base::TimeUs least_cycle_us(base::TimeUs period_us) { return period_us / 8; }
+
 struct CycleInput {
   base::TimeUs t_us;
   const InputChunk* chunks;
@@ -80,6 +84,8 @@ struct CycleOutput {
   OutputSpan downlink;                    ///< whole frames, back to back
   OutputSpan device_requests[kMaxPorts];  ///< bytes that each device is owed; size 0: none
   StoreOutput store;                      ///< pages to be saved and loaded
+  /// So long after this one the link would like a cycle; INT64_MAX: it can wait.
+  base::TimeUs wish_us = INT64_MAX;
 };
 
 /// One localization table as read from disk: exactly the block.
@@ -401,6 +407,7 @@ class Vehicle {
   base::TimeUs clock_us_ = 0;  ///< what the host's clock said in the cycle before
   base::TimeUs link_us_ = 0;
   base::TimeUs link_elapsed_us_ = 0;  ///< since the cycle before
+  base::TimeUs link_pause_us_ = 0;    ///< the longest between two cycles lately
   std::uint32_t tick_ = 0;            ///< link_us_ >> 15: the clock of ages
   VehicleCounters counters_{};
   model::Model model_;

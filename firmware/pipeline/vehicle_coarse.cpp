@@ -46,7 +46,7 @@ void Vehicle::send_coarse() {
   if (!packet.add(update, taken).ok()) {
     return;
   }
-  frame_tiles_[0] = FrameTile{update.tile, 0, taken, true};
+  frame_tiles_[0] = FrameTile{update.tile, 0, 0, taken, true};
   if (put_frame(packet.finish(), 1)) {
     coarse_.sent(grid, taken);
     ++counters_.coarse_deltas;

@@ -15,7 +15,9 @@ using model::TileId;
 constexpr std::size_t kWorthwhileFrame_bytes = 256;
 // Of frame_limit_bytes(): about one tile and a half.
 constexpr std::size_t kLeastFrames = 32;
+constexpr std::size_t kManyFrames = 30;
 constexpr std::size_t kLossyFrame_bytes = 160;
+constexpr std::size_t kTwoTiles_bytes = 200;
 constexpr std::uint32_t kLossy_q16 = 65'536 / 20;
 constexpr TimeUs kFirstPatience_us = 300'000;
 // Of line_is_busy().
@@ -211,11 +213,17 @@ void Vehicle::take_report(const proto::Report& report, TimeUs came_us) {
   const bool news = !ledger_.heard();
   ledger_.note_report(came_us);
   for (int i = 0; i < report.frame_count; ++i) {
-    ledger_.confirm(report.frame_tags[i], came_us);
+    const LinkLedger::Word word = ledger_.confirm(report.frame_tags[i], came_us);
     FrameTile came{};
     while (ledger_.next_confirmed(came)) {
-      if (!came.coarse) {
+      if (came.coarse) {
+        continue;
+      }
+      if (word == LinkLedger::Word::kCame) {
         link_map_.confirm(came.tile, came.epoch);
+      }
+      if (link_map_.came(came.tile, came.epoch, came.version, came.cells)) {
+        ledger_.cover(came);
       }
     }
   }
@@ -245,8 +253,11 @@ void Vehicle::settle_lost_frames() {
   FrameTile lost{};
   const bool idle = unsent_.size() == 0;
   while (ledger_.next_lost(link_us_, idle, lost)) {
-    counters_.tiles_lost += lost.coarse ? 0U : 1U;
+    counters_.tiles_lost += lost.coarse || lost.cells.count() == 0 ? 0U : 1U;
     owe_lost(lost);
+  }
+  if (unsent_.size() == 0) {
+    ledger_.note_rest();
   }
 }
 
@@ -256,7 +267,9 @@ void Vehicle::owe_lost(const FrameTile& lost) {
     return;
   }
   link_map_.lose(lost.tile, lost.epoch, lost.cells);
-  unsent_.add(lost.tile, TileSet::kMaxWeight, tick_);
+  if (lost.cells.count() > 0) {  // what came in another frame is not lost
+    unsent_.add(lost.tile, TileSet::kMaxWeight, tick_);
+  }
 }
 
 // Many who ask get one hello a second.
@@ -386,13 +399,17 @@ std::size_t Vehicle::frame_limit_bytes() const {
     return longest;
   }
   const std::size_t backlog_bytes = unsent_.size() * kTypicalTile_bytes;
-  return min_of(longest, base::max_of(backlog_bytes / kLeastFrames, kLossyFrame_bytes));
+  // One tile in a frame of a small map, two of a larger one.
+  const std::size_t map_bytes = link_map_.known_tiles() * kTypicalTile_bytes;
+  const std::size_t least =
+      base::clamp(map_bytes / kManyFrames, kLossyFrame_bytes, kTwoTiles_bytes);
+  return min_of(longest, base::max_of(backlog_bytes / kLeastFrames, least));
 }
 
 // The line is to have work until the next cycle, and no queue that every later frame would wait behind: what
 // becomes of a frame is known the later for it.
 bool Vehicle::line_is_busy() const {
-  const auto cycle_us = static_cast<std::uint64_t>(min_of(link_elapsed_us_, kLongestCycle_us));
+  const auto cycle_us = static_cast<std::uint64_t>(min_of(link_pause_us_, kLongestCycle_us));
   const std::uint64_t one_and_a_half = config_.link.rate_bytes_s * cycle_us * 3 / 2'000'000;
   return downlink_.backlog_bytes() > one_and_a_half;
 }
@@ -746,14 +763,17 @@ bool Vehicle::fill_packet(proto::TilePacketEncoder& packet, TileId tile, std::si
       continue;
     }
     proto::CellMask taken{};
-    const base::Result<int> added = packet.add(update, taken);
+    // Half a tile has a header of its own, and its first cells are predicted from nothing.
+    const base::Result<int> added =
+        tile_count == 0 ? packet.add(update, taken) : packet.add_whole(update, taken);
     if (!added.ok()) {
       return true;
     }
-    frame_tiles_[tile_count] = FrameTile{tile, link_map_.epoch(tile), taken};
-    ++tile_count;
     counters_.cells_sent += static_cast<std::uint64_t>(added.value());
     const auto changed = static_cast<std::uint64_t>(link_map_.sent(tile, present, taken));
+    frame_tiles_[tile_count] =
+        FrameTile{tile, link_map_.epoch(tile), link_map_.version(tile), taken};
+    ++tile_count;
     counters_.cells_changed += changed;
     counters_.cell_wait_ms +=
         changed * ((std::uint64_t{unsent_.age(tile, tick_)} << kTick_log2us) / 1000);

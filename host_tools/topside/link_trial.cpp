@@ -18,7 +18,6 @@ using base::TimeUs;
 // Alarms of a vehicle without devices are all raised, and said, within this time.
 constexpr TimeUs kSettle_us = 15'000'000;
 constexpr TimeUs kLongestSettle_us = 7'200'000'000;
-constexpr TimeUs kTopsidePoll_us = 20'000;
 
 /// Whole frames of a downlink, one by one: `each(data, size)`.
 template <typename Each>
@@ -101,7 +100,10 @@ class Trial {
     cycle(begin_us_);
     result_.tiles = comparison_.differing();
     while (!done_ && cycle_us - begin_us_ <= options_.most_us) {
-      const TimeUs now_us = std::min({cycle_us, poll_us, down_.next_us()});
+      // As the vehicle's program: on time, and when something came up the link.
+      const TimeUs heard_us = std::max(std::min(up_.next_us(), wish_us_),
+                                       *t_us_ + firmware::least_cycle_us(options_.cycle_us));
+      const TimeUs now_us = std::min({cycle_us, heard_us, poll_us, down_.next_us()});
       if (!restarted && now_us - begin_us_ >= options_.topside_restart_us) {
         restarted = true;
         receiver_ = std::make_unique<Receiver>();
@@ -115,11 +117,11 @@ class Trial {
       }
       answer(now_us);
       if (now_us == poll_us) {
-        poll_us += kTopsidePoll_us;
+        poll_us += kUplinkPoll_us;
       }
-      if (now_us == cycle_us) {
+      if (now_us == cycle_us || now_us == heard_us) {
         cycle(now_us);
-        cycle_us += options_.cycle_us;
+        cycle_us += now_us == cycle_us ? options_.cycle_us : 0;
       }
     }
     finish(cycle_us - options_.cycle_us);
@@ -166,6 +168,7 @@ class Trial {
     firmware::CycleOutput output{};
     vehicle_->cycle({now_us, chunks.data(), chunks.size(), kRoom_bytes}, output);
     *t_us_ = now_us;
+    wish_us_ = output.wish_us == INT64_MAX ? INT64_MAX : now_us + output.wish_us;
     each_frame(output.downlink, [this, now_us](const std::uint8_t* frame, std::size_t size) {
       result_.bytes_down += size;
       result_.frames_down += 1;
@@ -236,6 +239,7 @@ class Trial {
   Comparison comparison_;
   std::unique_ptr<Receiver> receiver_;
   TimeUs begin_us_ = 0;
+  TimeUs wish_us_ = INT64_MAX;
   std::uint64_t tiles_lost_before_ = 0;
   std::deque<std::pair<TimeUs, std::size_t>> last_second_;
   std::size_t in_last_second_ = 0;

@@ -21,7 +21,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kPoll_ms = 50;
 constexpr double kShowEvery_s = 0.5;
 // A link that said something and now nothing is told so after this; a slow one after twice its longest
 // pause, so that it is not told so over and over.
@@ -121,7 +120,7 @@ class Session {
         (!came && options_.wait_s > 0.0 && silent_s >= options_.wait_s)) {
       return false;
     }
-    link_.wait(kPoll_ms);
+    link_.wait(kUplinkPoll_us / 1000);
     return true;
   }
 

@@ -49,6 +49,9 @@ struct ReceiverNotice {
   std::string text;
 };
 
+/// How often a receiver is asked what to send up when nothing comes; a fast link waits for that.
+inline constexpr base::TimeUs kUplinkPoll_us = 5'000;
+
 /// The frame by which a topside asks for a hello, and says which version it speaks.
 [[nodiscard]] std::vector<std::uint8_t> hello_request_frame();
 
@@ -89,8 +92,8 @@ class Receiver {
 
   /// Texts of the vehicle and findings of the receiver since the last call.
   [[nodiscard]] std::vector<ReceiverNotice> take_notices();
-  /// What to send up now, framed; empty: nothing. To be called every 50 ms or oftener with a clock that does
-  /// not go back. Paces itself: a tenth of what the vehicle sends at most. A vehicle of minor 1 is told which
+  /// What to send up now, framed; empty: nothing. To be called when something came and every kUplinkPoll_us besides,
+  /// with a clock that does not go back. Paces itself: a tenth of what the vehicle sends at most. A vehicle of minor 1 is told which
   /// frames came, and asked where its map differs; an older one is asked every 2 s for what is missing.
   [[nodiscard]] std::vector<std::uint8_t> uplink(base::TimeUs now_us);
   /// The topside looks at these tiles: they go before others. Radius 0: at nothing any more.

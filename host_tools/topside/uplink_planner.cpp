@@ -8,17 +8,16 @@
 namespace leadline::host {
 namespace {
 
-// Bytes up for bytes that came down: 1 in 14 of those sent where 3 of 10 are lost. The first are on credit.
+// Bytes up for bytes that came down, doubles not counted: 1 in 14 of those sent where 3 of 10 are lost; while nothing
+// comes and something is missing a few more. The first are on credit.
 constexpr double kShare = 0.1;
-// And while something is missing this share of what the link could carry, so that few frames do not silence it.
-constexpr double kTimeShare = 0.02;
-constexpr double kMostTimed_bytes = 32.0;
-// But only up to this share of what came lately, and a first few: where 3 of 10 are lost, 9 % of what was sent.
-constexpr double kMostShare = 0.125;
-constexpr double kSpare_bytes = 48.0;
+constexpr double kPausedShare = 0.115;
+// And this share of what the link could carry meanwhile, so that few frames do not silence it.
+constexpr double kTimeShare = 0.01;
+constexpr double kMostTimed_bytes = 40.0;
 constexpr double kLately_s = 60.0;
-constexpr double kFirstBudget_bytes = 32.0;
-constexpr double kMostBudget_bytes = 256.0;
+constexpr double kFirst_bytes = 26.0;
+constexpr double kMost_bytes = 256.0;
 constexpr double kRich_bytes = 64.0;
 constexpr double kMostDebt_bytes = 32.0;
 // A report may be lost itself: every frame stands in so many.
@@ -26,7 +25,7 @@ constexpr int kReports = 4;
 constexpr int kFramesPerReport = 3;
 // Between two frames with news, before that was measured: what such a frame takes.
 constexpr double kTypicalNews_bytes = 160.0;
-constexpr base::TimeUs kLeastGap_us = 20'000;
+constexpr base::TimeUs kLeastGap_us = 2'500;
 constexpr base::TimeUs kMostGap_us = 10'000'000;
 constexpr base::TimeUs kKeepAlive_us = 5'000'000;
 constexpr base::TimeUs kAskAgain_us = 300'000;
@@ -60,20 +59,18 @@ void UplinkPlanner::restart() {
   known_tiles_ = 0;
   ask_gap_us_ = 0;
   joined_ = false;
+  begun_us_ = 0;
   agreed_ = false;
   look_.reset();
-  budget_bytes_ = std::max(budget_bytes_, kFirstBudget_bytes);
 }
 
 void UplinkPlanner::note_frame(std::uint16_t tag, std::size_t wire_bytes, bool news) {
-  came_bytes_ += static_cast<double>(wire_bytes);
-  budget_bytes_ =
-      std::min(budget_bytes_ + kShare * static_cast<double>(wire_bytes), kMostBudget_bytes);
   const bool repeated = std::any_of(heard_.begin(), heard_.end(),
                                     [tag](const Heard& each) { return each.tag == tag; });
   if (repeated) {
     return;
   }
+  came_bytes_ += static_cast<double>(wire_bytes);
   heard_.push_back({tag, kReports, news});
   while (heard_.size() > proto::kMaxReportFrames) {
     heard_.pop_front();
@@ -133,30 +130,33 @@ void UplinkPlanner::look(std::uint32_t tile, std::uint8_t radius_tiles) {
 
 std::vector<std::uint8_t> UplinkPlanner::paid(const std::uint8_t* payload,
                                               const base::Result<std::size_t>& size,
-                                              double most_debt_bytes) {
+                                              double payable_bytes) {
   if (!size.ok()) {
     return {};
   }
   const double cost = static_cast<double>(size.value()) + kFraming_bytes;
-  if (budget_bytes_ + most_debt_bytes < cost) {
+  if (payable_bytes < cost) {
     return {};
   }
-  budget_bytes_ -= cost;
   spent_bytes_ += cost;
   sent_bytes_ += size.value();
   return {payload, payload + size.value()};
 }
 
-// A little for every second.
-void UplinkPlanner::earn(base::TimeUs now_us, const TileStore& store) {
-  const double seconds = 1e-6 * static_cast<double>(now_us - earned_us_);
+double UplinkPlanner::payable_bytes(double share) const {
+  return std::min(std::max(share * came_bytes_, kFirst_bytes) + timed_bytes_ - spent_bytes_,
+                  kMost_bytes);
+}
+
+void UplinkPlanner::earn(base::TimeUs now_us, const TileStore& store, bool unfinished) {
+  const double seconds = earned_us_ == 0 ? 0.0 : 1e-6 * static_cast<double>(now_us - earned_us_);
   const double kept = std::max(0.0, 1.0 - seconds / kLately_s);
   came_bytes_ *= kept;
   spent_bytes_ *= kept;
-  const bool modest = spent_bytes_ < kMostShare * came_bytes_ + kSpare_bytes;
-  if (earned_us_ != 0 && modest && budget_bytes_ < kMostTimed_bytes) {
+  timed_bytes_ *= kept;
+  if (unfinished) {
     const double rate_bytes_s = static_cast<double>(store.hello().link_rate_bytes_s);
-    budget_bytes_ = std::min(budget_bytes_ + kTimeShare * rate_bytes_s * seconds, kMostTimed_bytes);
+    timed_bytes_ = std::min(timed_bytes_ + kTimeShare * rate_bytes_s * seconds, kMostTimed_bytes);
   }
   earned_us_ = now_us;
 }
@@ -183,13 +183,17 @@ std::vector<std::uint8_t> UplinkPlanner::report(base::TimeUs now_us, const TileS
   const base::TimeUs gap_us = news_gap_us_ == 0 ? std::min(typical_us, kMostGap_us) : news_gap_us_;
   const base::TimeUs pause_us = std::max(gap_us + gap_us / 2, 2 * kLeastGap_us);
   const bool paused = now_us - news_us_ > pause_us && now_us - reported_us_ > pause_us;
+  const double payable = payable_bytes(paused && unfinished ? kPausedShare : kShare);
   const base::TimeUs alive_us = unfinished ? std::max(pause_us, kAskAgain_us) : kKeepAlive_us;
   const bool silent = now_us - reported_us_ > alive_us;
   // A few frames in a report: its own frame costs as much as six more names.
   const bool enough =
       news_since_report_ >= kFramesPerReport ||
-      (news_since_report_ > 0 && (now_us - reported_us_ > pause_us || budget_bytes_ > kRich_bytes));
-  if (joined_ && !enough && !(owed && paused) && !silent) {
+      (news_since_report_ > 0 && (now_us - reported_us_ > pause_us || payable > kRich_bytes));
+  // Who joins says so with the first frames that it can name, or where none come.
+  begun_us_ = begun_us_ == 0 ? now_us : begun_us_;
+  const bool joins = !joined_ && (news_since_report_ > 0 || now_us - begun_us_ > kAskAgain_us);
+  if (!joins && !(joined_ && (enough || (owed && paused) || silent))) {
     return {};
   }
   proto::Report report{};
@@ -199,8 +203,8 @@ std::vector<std::uint8_t> UplinkPlanner::report(base::TimeUs now_us, const TileS
       static_cast<double>(std::count_if(heard_.begin(), heard_.end(), [](const Heard& each) {
         return each.reports_left == kReports;
       }));
-  const double payable = (budget_bytes_ - kFraming_bytes - kReportHeader_bytes) / 2.0;
-  const int most = static_cast<int>(std::clamp(std::max(payable, fresh), kLeastReported,
+  const double names = (payable - kFraming_bytes - kReportHeader_bytes) / 2.0;
+  const int most = static_cast<int>(std::clamp(std::max(names, fresh), kLeastReported,
                                                static_cast<double>(proto::kMaxReportFrames)));
   for (auto each = heard_.rbegin(); each != heard_.rend(); ++each) {
     if (each->reports_left > 0 && report.frame_count < most) {
@@ -209,8 +213,8 @@ std::vector<std::uint8_t> UplinkPlanner::report(base::TimeUs now_us, const TileS
     }
   }
   std::uint8_t payload[proto::kMaxReport_bytes];
-  std::vector<std::uint8_t> bytes = paid(payload, encode_report(report, payload, sizeof payload),
-                                         joined_ && !paused ? 0.0 : kMostDebt_bytes);
+  std::vector<std::uint8_t> bytes =
+      paid(payload, encode_report(report, payload, sizeof payload), payable);
   if (bytes.empty()) {
     return bytes;
   }
@@ -248,7 +252,8 @@ std::vector<std::uint8_t> UplinkPlanner::wanted_tiles(const TileStore& store) {
   }
   std::uint8_t payload[proto::kMaxResendRequest_bytes];
   std::vector<std::uint8_t> bytes =
-      paid(payload, encode_resend_request(request, payload, sizeof payload), kMostBudget_bytes);
+      paid(payload, encode_resend_request(request, payload, sizeof payload),
+           payable_bytes(kShare) + kMost_bytes);
   if (!bytes.empty()) {
     wanted_.erase(wanted_.begin(), last);
   }
@@ -271,7 +276,7 @@ std::vector<std::uint8_t> UplinkPlanner::finer_digest(base::TimeUs now_us, const
   std::vector<std::uint8_t> bytes =
       paid(payload,
            proto::encode_digest_request({store.tag(), differing_.front()}, payload, sizeof payload),
-           kMostDebt_bytes);
+           payable_bytes(kShare) + kMostDebt_bytes);
   if (!bytes.empty()) {
     asked_digest_us_ = now_us;
     digest_tries_ += 1;
@@ -303,7 +308,8 @@ std::vector<std::uint8_t> UplinkPlanner::unseen_tiles(base::TimeUs now_us, const
   }
   std::uint8_t payload[proto::kMaxResendRequest_bytes];
   std::vector<std::uint8_t> bytes =
-      paid(payload, encode_resend_request(request, payload, sizeof payload), kMostDebt_bytes);
+      paid(payload, encode_resend_request(request, payload, sizeof payload),
+           payable_bytes(kShare) + kMostDebt_bytes);
   if (!bytes.empty()) {
     known_tiles_ = store.known_tiles();
     ask_gap_us_ = first ? kFirstAsk_us : std::min(2 * ask_gap_us_, kMostAsk_us);
@@ -319,7 +325,7 @@ std::vector<std::uint8_t> UplinkPlanner::look_again(base::TimeUs now_us, const T
   look_->survey_tag = store.tag();
   std::uint8_t payload[proto::kMaxLook_bytes];
   std::vector<std::uint8_t> bytes =
-      paid(payload, encode_look(*look_, payload, sizeof payload), 0.0);
+      paid(payload, encode_look(*look_, payload, sizeof payload), payable_bytes(kShare));
   if (!bytes.empty()) {
     look_us_ = now_us;
     if (look_->radius_tiles == 0) {
@@ -333,7 +339,7 @@ std::vector<std::uint8_t> UplinkPlanner::next(base::TimeUs now_us, const TileSto
                                               const std::optional<proto::Status>& status) {
   const bool unfinished =
       !status || store.known_tiles() < status->tiles_known || !wanted_.empty() || !agreed_;
-  earn(now_us, store);
+  earn(now_us, store, unfinished);
   std::vector<std::uint8_t> bytes = report(now_us, store, unfinished);
   if (bytes.empty()) {
     bytes = wanted_tiles(store);

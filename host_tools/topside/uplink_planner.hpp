@@ -29,7 +29,7 @@ class UplinkPlanner {
   void look(std::uint32_t tile, std::uint8_t radius_tiles);
 
   /// The next payload to send at `now_us` (any clock that does not go back); empty: none now. To be asked
-  /// until it is empty, at least every 50 ms.
+  /// until it is empty, at least every kUplinkPoll_us (receiver.hpp).
   [[nodiscard]] std::vector<std::uint8_t> next(base::TimeUs now_us, const TileStore& store,
                                                const std::optional<proto::Status>& status);
 
@@ -47,8 +47,9 @@ class UplinkPlanner {
 
   [[nodiscard]] std::vector<std::uint8_t> paid(const std::uint8_t* payload,
                                                const base::Result<std::size_t>& size,
-                                               double most_debt_bytes);
-  void earn(base::TimeUs now_us, const TileStore& store);
+                                               double payable_bytes);
+  void earn(base::TimeUs now_us, const TileStore& store, bool unfinished);
+  [[nodiscard]] double payable_bytes(double share) const;
   [[nodiscard]] std::vector<std::uint8_t> report(base::TimeUs now_us, const TileStore& store,
                                                  bool unfinished);
   [[nodiscard]] std::vector<std::uint8_t> wanted_tiles(const TileStore& store);
@@ -60,7 +61,7 @@ class UplinkPlanner {
   std::deque<Heard> heard_;    ///< oldest first
   int news_since_report_ = 0;  ///< frames that carried map
   bool joined_ = false;        ///< the vehicle has been told that somebody listens
-  double budget_bytes_ = 0.0;
+  base::TimeUs begun_us_ = 0;  ///< of the map
   std::uint64_t sent_bytes_ = 0;
   // Rhythm of what comes, to know when it pauses.
   std::size_t news_count_ = 0;
@@ -77,9 +78,10 @@ class UplinkPlanner {
   base::TimeUs ask_gap_us_ = 0;
   std::optional<proto::Look> look_;
   base::TimeUs look_us_ = 0;
-  base::TimeUs earned_us_ = 0;  ///< up to when time has been paid for
-  double came_bytes_ = 0.0;     ///< lately
-  double spent_bytes_ = 0.0;    ///< lately
+  double timed_bytes_ = 0.0;  ///< earned by waiting, lately
+  base::TimeUs earned_us_ = 0;
+  double came_bytes_ = 0.0;   ///< lately
+  double spent_bytes_ = 0.0;  ///< lately
   bool agreed_ = false;
 };
 

@@ -225,6 +225,11 @@ TEST(a_tile_that_did_not_fit_leaves_the_packet_as_it_was) {
       continue;
     }
     assert_true(second.add(update_of(1, cells, few), taken).ok());
+    const auto whole = second.add_whole(update_of(3, cells, all_cells()), taken);
+    if (whole.ok()) {
+      assert_int_equal(whole.value(), kTileArea_cells);
+      continue;
+    }
     const auto more = second.add(update_of(2, cells, all_cells()), taken);
     if (more.ok()) {
       assert_true(more.value() == taken.count());
