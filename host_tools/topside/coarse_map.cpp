@@ -1,6 +1,5 @@
 #include "host_tools/topside/coarse_map.hpp"
 
-#include <algorithm>
 #include <optional>
 
 namespace leadline::host {
@@ -9,30 +8,9 @@ namespace {
 using proto::kCoarseStep;
 using proto::kTileSide_cells;
 
-/// Whether a cell of the tile is known under coarse cell `index`.
-bool known_under(const TileView& tile, int index) {
-  const int first =
-      index / kCoarseStep * kCoarseStep * kTileSide_cells + index % kCoarseStep * kCoarseStep;
-  for (int k = 0; k < kCoarseStep * kCoarseStep; ++k) {
-    if (proto::cell_known(
-            tile.cells[first + k / kCoarseStep * kTileSide_cells + k % kCoarseStep])) {
-      return true;
-    }
-  }
-  return false;
-}
-
-void drop_settled(const std::optional<TileView>& view, CoarseCells* cells) {
-  for (int index = 0; view && index < proto::kCoarseOfTile_cells; ++index) {
-    if (view->complete || known_under(*view, index)) {
-      (*cells)[static_cast<std::size_t>(index)] = proto::kUnknownCell;
-    }
-  }
-}
-
-bool empty(const CoarseCells& cells) {
-  return std::none_of(cells.begin(), cells.end(),
-                      [](proto::CodedCell cell) { return proto::cell_known(cell); });
+bool whole(const TileStore& store, std::uint32_t tile) {
+  const std::optional<TileView> view = store.tile(tile);
+  return view && view->complete;
 }
 
 }  // namespace
@@ -61,9 +39,8 @@ bool CoarseMap::apply(const proto::TileDelta& coarse, const TileStore& store) {
         north % kTileSide_cells / kCoarseStep * kCoarseStep + east % kTileSide_cells / kCoarseStep;
     came[tile][index] = coarse.cells[k];
   }
-  for (auto& [tile, cells] : came) {
-    drop_settled(store.tile(tile), &cells);
-    if (empty(cells)) {
+  for (const auto& [tile, cells] : came) {
+    if (whole(store, tile)) {
       continue;
     }
     Tile& kept = tiles_[tile];
@@ -77,11 +54,7 @@ bool CoarseMap::apply(const proto::TileDelta& coarse, const TileStore& store) {
 
 void CoarseMap::settle(std::uint32_t tile, const TileStore& store) {
   const auto found = tiles_.find(tile);
-  if (found == tiles_.end()) {
-    return;
-  }
-  drop_settled(store.tile(tile), &found->second.cells);
-  if (empty(found->second.cells)) {
+  if (found != tiles_.end() && whole(store, tile)) {
     tiles_.erase(found);
   }
 }

@@ -14,16 +14,15 @@
 
 namespace leadline::host {
 
-/// Of a tile of the map: 4 x 4 cells, north-major, each for 4 x 4 of its own.
+/// Of a tile of the map: 4 x 4 cells, north-major, each for those of 4 x 4 of its own that are not known.
 using CoarseCells = std::array<proto::CodedCell, proto::kCoarseOfTile_cells>;
 
 class CoarseMap {
  public:
-  /// Takes what a coarse delta says where `store`, the map beside it, knows nothing. False, and nothing taken: a known
+  /// Takes what a coarse delta says, but for tiles that are whole in `store`, the map beside it. False, and nothing taken: a known
   /// cell lies outside the grid. O(tile log tiles).
   bool apply(const proto::TileDelta& coarse, const TileStore& store);
-  /// Something came for a tile of `store`: its coarse cells go, all of them once the tile is whole, before that those
-  /// under which a cell is known. O(tile).
+  /// Something came for a tile of `store`: its coarse cells go once it is whole. O(log tiles).
   void settle(std::uint32_t tile, const TileStore& store);
   void clear();
 

@@ -5,7 +5,7 @@
 //
 //   ours    the vehicle's link code and the topside's receiver: depth, sigma and flags of every cell, reports, statuses
 //   coarse  the same, with coarse tiles before those that would have to wait (the flight's coarse_wait_s; 5 s where it has
-//           none); a coarse cell counts where no cell came yet
+//           none); a coarse cell counts in place of cells that have not come
 //   int16   a grid of 16-bit depths, row by row, as many cells in a frame as it has room for, and again from the
 //           beginning until every cell came: nothing goes up
 //   zstd    the same; of the cells of a frame, each coded as the difference to the one before it, as many as zstd -19

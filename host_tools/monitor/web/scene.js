@@ -103,7 +103,8 @@ void main() {
   colour *= clamp(light, 0.25, 1.25);
   if (coarse && fract((gl_FragCoord.x - gl_FragCoord.y) / (9.0 * pixel_ratio)) < 0.25) colour = mix(colour, vec3(1.0), 0.35);
   if (!gl_FrontFacing) colour *= 0.3;  // seen from below, through a gap
-  if (contour_m > 0.0) {
+  // A coarse cell is flat: where its depth is a contour's, all of it would be one.
+  if (contour_m > 0.0 && !coarse) {
     float level = depth_m / contour_m;
     float width = max(fwidth(level), 1e-6);
     float from_line = abs(level - floor(level + 0.5)) / width / pixel_ratio;
