@@ -3,7 +3,7 @@
 
 usage: toolchain/link_kernel.py [--rates BAUD,...] [--runs N] [--build DIR] [--json]
   --rates BAUD,...  lines, 10 bits a byte (default 1200,9600,115200)
-  --runs N          runs a rate (default 4); each takes a minute of processor time
+  --runs N          runs a rate (default 4)
   --build DIR       where leadline and leadline-vehicle are (default build/release)
   --json            one JSON object a run instead of the table
 
