@@ -224,6 +224,9 @@ void add_faults(Settings* settings) {
       "link_max_tile_age_s", "changes wait so long for others, stated in vehicle.toml",
       [](auto& m) -> auto& { return m.link_max_tile_age_s; });
   settings->decimal(
+      "link_coarse_wait_s", "coarse cells go first where tiles would wait longer; 0 = never",
+      [](auto& m) -> auto& { return m.link_coarse_wait_s; });
+  settings->decimal(
       "extract_interval_s", "depths in passes so far apart, as for a Cortex-M7: 1.5; 0 = none",
       [](auto& m) -> auto& { return m.extract_interval_s; });
 }

@@ -91,6 +91,7 @@ struct Mission {
   /// Slower than the map changes: changes wait, and go out many to a packet.
   std::uint32_t link_rate_bytes_s = 200;
   double link_max_tile_age_s = 1.5;
+  double link_coarse_wait_s = 5.0;
   /// Depths in passes so far apart, as a Cortex-M7 needs them (firmware/README.md, "Timing"); 0: in every cycle.
   double extract_interval_s = 0.0;
 };

@@ -211,7 +211,8 @@ std::string mission_vehicle_toml(const Mission& mission, const Terrain& ground,
   }
   text += "[link]\nuri = " + quoted(links.link_uri) +
           "\nrate_bytes_s = " + std::to_string(mission.link_rate_bytes_s) +
-          "\nmax_tile_age_s = " + number_text(mission.link_max_tile_age_s) + "\n";
+          "\nmax_tile_age_s = " + number_text(mission.link_max_tile_age_s) +
+          "\ncoarse_wait_s = " + number_text(mission.link_coarse_wait_s) + "\n";
   if (!links.log_path.empty()) {
     text += "\n[log]\npath = " + quoted(links.log_path) + "\n";
   }
