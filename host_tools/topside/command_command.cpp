@@ -110,7 +110,7 @@ class Session {
   std::size_t look() {
     const std::size_t got =
         link_.read_bytes(now_s(), [this](const std::uint8_t* data, std::size_t size_bytes) {
-          receiver_.feed(data, size_bytes);
+          link_.feed(&receiver_, data, size_bytes);
           while (size_bytes > 0) {
             std::size_t used = 0;
             proto::FrameView frame{};

@@ -47,18 +47,22 @@ void LinkReader::share(const std::string& socket_path) {
   share_ = std::make_unique<LinkShare>(socket_path);
 }
 
+void LinkReader::feed(Receiver* receiver, const std::uint8_t* data, std::size_t size_bytes) {
+  try {
+    receiver->feed(data, size_bytes);
+  } catch (const HostError&) {
+    // A vehicle of another major is told why nobody listens.
+    if (!is_file_) {
+      (void)send(hello_request_frame());
+    }
+    throw;
+  }
+}
+
 std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
   const std::size_t got =
       read_bytes(now_s, [this, receiver](const std::uint8_t* data, std::size_t size_bytes) {
-        try {
-          receiver->feed(data, size_bytes);
-        } catch (const HostError&) {
-          // A vehicle of another major is told why nobody listens.
-          if (!is_file_) {
-            (void)send(hello_request_frame());
-          }
-          throw;
-        }
+        feed(receiver, data, size_bytes);
       });
   if (share_) {
     share_->serve([this](const std::vector<std::uint8_t>& frame) { return send(frame); },

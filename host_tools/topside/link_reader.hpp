@@ -26,6 +26,8 @@ class LinkReader {
   /// for a file.
   void share(const std::string& socket_path);
 
+  /// Feeds bytes that read_bytes() gave; passes on what Receiver::feed throws: the vehicle is told first.
+  void feed(Receiver* receiver, const std::uint8_t* data, std::size_t size_bytes);
   /// Feeds what has come, at most so much that a flood lets the caller look at its clock in between.
   /// Returns the bytes. Passes on what Receiver::feed throws: the vehicle is told first which version is spoken here.
   std::size_t read_some(Receiver* receiver, double now_s);
