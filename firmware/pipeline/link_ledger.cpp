@@ -257,6 +257,51 @@ void LinkLedger::cover(const FrameTile& came) {
   }
 }
 
+// What is to be told of a frame now: kLost or kRepeated; else its state.
+LinkLedger::State LinkLedger::judge(std::uint32_t number, TimeUs now_us, bool idle) {
+  Frame& each = frame(number);
+  if (each.state == State::kConfirmed || each.state == State::kLost) {
+    return State::kConfirmed;
+  }
+  const bool overtaken = static_cast<std::int32_t>(newest_confirmed_ - 1 - number) >=
+                         static_cast<std::int32_t>(kOvertaken);
+  const bool passed_over =
+      round_trip_us_ != 0 && last_report_us_ - followed_us(number) >= named_us();
+  const bool lost = overtaken || passed_over;
+  if (lost) {
+    loses_ = true;
+    learn_loss(true);
+  }
+  if (each.state == State::kRepeated) {
+    each.state = lost ? State::kLost : State::kRepeated;
+    return State::kConfirmed;
+  }
+  if (lost) {
+    return State::kLost;
+  }
+  const TimeUs due_us = each.through_us + silence_us(number, idle);
+  if (now_us < due_us) {
+    next_loss_us_ = min_of(next_loss_us_, due_us);
+    return State::kUnderWay;
+  }
+  return State::kRepeated;
+}
+
+// Patience that ended without a word counts once, however many frames it cost.
+void LinkLedger::count_silence(TimeUs now_us) {
+  if (waiting_ && now_us - waiting_since_us_ >= patience_us()) {
+    waiting_since_us_ = now_us;
+    ++timeouts_;
+  }
+  if (timeouts_ == kMostTimeouts) {  // nobody listens: what was learned of the line is old
+    heard_ = false;
+    waiting_ = false;
+    timeouts_ = 0;
+    round_trip_us_ = report_gap_us_ = 0;
+    loss_q16_ = long_loss_q16_ = kFirstLoss_q16;
+  }
+}
+
 bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
   if (telling_count_ == 0) {
     if (!heard_) {
@@ -266,33 +311,12 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
     // too.
     next_loss_us_ = INT64_MAX;
     for (std::uint32_t number = first_; number != end_ && telling_count_ == 0; ++number) {
-      Frame& each = frame(number);
-      if (each.state == State::kConfirmed || each.state == State::kLost) {
-        continue;
-      }
-      const bool overtaken = static_cast<std::int32_t>(newest_confirmed_ - 1 - number) >=
-                             static_cast<std::int32_t>(kOvertaken);
-      const bool passed_over =
-          round_trip_us_ != 0 && last_report_us_ - followed_us(number) >= named_us();
-      const bool repeated = each.state == State::kRepeated;
-      if (overtaken || passed_over) {
-        loses_ = true;
-        learn_loss(true);
-      } else if (repeated) {
-        continue;
-      } else {
-        const TimeUs due_us = each.through_us + silence_us(number, idle);
-        if (now_us < due_us) {
-          next_loss_us_ = min_of(next_loss_us_, due_us);
-          continue;
-        }
-      }
-      if (repeated) {
-        each.state = State::kLost;
+      const State fate = judge(number, now_us, idle);
+      if (fate <= State::kConfirmed) {
         continue;
       }
       // Of a nameless one nobody can tell later that it came.
-      const State fate = overtaken || passed_over ? State::kLost : State::kRepeated;
+      Frame& each = frame(number);
       resolve(number, each.state == State::kNameless ? State::kConfirmed : fate);
       owed_again_cells_ += cells_of(number);
       telling_ = each.first_tile;
@@ -300,18 +324,7 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
     }
   }
   if (telling_count_ == 0) {
-    // Patience that ended without a word counts once, however many frames it cost.
-    if (waiting_ && now_us - waiting_since_us_ >= patience_us()) {
-      waiting_since_us_ = now_us;
-      ++timeouts_;
-    }
-    if (timeouts_ == kMostTimeouts) {  // nobody listens: what was learned of the line is old
-      heard_ = false;
-      waiting_ = false;
-      timeouts_ = 0;
-      round_trip_us_ = report_gap_us_ = 0;
-      loss_q16_ = long_loss_q16_ = kFirstLoss_q16;
-    }
+    count_silence(now_us);
     return false;
   }
   tile = tiles_[telling_ % kFrameTiles];

@@ -104,6 +104,8 @@ class LinkLedger {
   [[nodiscard]] base::TimeUs named_us() const;
   [[nodiscard]] base::TimeUs silence_us(std::uint32_t number, bool idle) const;
   [[nodiscard]] base::TimeUs followed_us(std::uint32_t number) const;
+  [[nodiscard]] State judge(std::uint32_t number, base::TimeUs now_us, bool idle);
+  void count_silence(base::TimeUs now_us);
   void learn_loss(bool lost);
   void learn_round_trip(base::TimeUs measured_us);
 
