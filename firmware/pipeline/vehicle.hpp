@@ -81,9 +81,9 @@ struct OutputSpan {
 };
 
 struct CycleOutput {
-  OutputSpan downlink;                    ///< whole frames, back to back
-  OutputSpan device_requests[kMaxPorts];  ///< bytes that each device is owed; size 0: none
-  StoreOutput store;                      ///< pages to be saved and loaded
+  OutputSpan downlink{};                    ///< whole frames, back to back
+  OutputSpan device_requests[kMaxPorts]{};  ///< bytes that each device is owed; size 0: none
+  StoreOutput store{};                      ///< pages to be saved and loaded
   /// So long after this one the link would like a cycle; INT64_MAX: it can wait.
   base::TimeUs wish_us = INT64_MAX;
 };
