@@ -344,6 +344,7 @@ void Vehicle::configure_ports() {
 
 void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   output = CycleOutput{};
+  output.wish_us = INT64_MAX;
   if (!configured_) {
     return;
   }
@@ -371,9 +372,9 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   send_coarse();
   send_deltas();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
-  output.wish_us = ledger_.heard() && unsent_.size() == 0 && ledger_.next_loss_us() != INT64_MAX
-                       ? ledger_.next_loss_us() - link_us_
-                       : INT64_MAX;
+  if (ledger_.heard() && unsent_.size() == 0 && ledger_.next_loss_us() != INT64_MAX) {
+    output.wish_us = ledger_.next_loss_us() - link_us_;
+  }
   for (int port = 0; port < config_.port_count; ++port) {
     auto& bytes = requests_[port];
     std::size_t size = ports_[port].request(now_us_, bytes.data(), bytes.size());
