@@ -344,7 +344,6 @@ void Vehicle::configure_ports() {
 
 void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   output = CycleOutput{};
-  output.wish_us = INT64_MAX;
   if (!configured_) {
     return;
   }

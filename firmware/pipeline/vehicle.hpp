@@ -85,7 +85,7 @@ struct CycleOutput {
   OutputSpan device_requests[kMaxPorts]{};  ///< bytes that each device is owed; size 0: none
   StoreOutput store{};                      ///< pages to be saved and loaded
   /// So long after this one the link would like a cycle; INT64_MAX: it can wait.
-  base::TimeUs wish_us;
+  base::TimeUs wish_us = INT64_MAX;
 };
 
 /// One localization table as read from disk: exactly the block.
