@@ -293,7 +293,7 @@ void VehicleLoop::run_cycle(base::TimeUs t_us) {
   // From here until the frames are handed to the link nothing asks the kernel (tests/cli/test_timing_ci.py).
   vehicle_.cycle(input, output);
   send(output);
-  wish_us_ = output.wish_us == INT64_MAX ? INT64_MAX : start_us + output.wish_us;
+  wish_us_ = output.wish_us == 0 ? INT64_MAX : start_us + output.wish_us;
   timing_.cycle.add(monotonic_us() - start_us);
   if (pages_ != nullptr) {
     pages_->ask(output.store);

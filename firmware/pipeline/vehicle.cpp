@@ -371,9 +371,9 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   send_coarse();
   send_deltas();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
-  if (ledger_.heard() && unsent_.size() == 0 && ledger_.next_loss_us() != INT64_MAX) {
-    output.wish_us = ledger_.next_loss_us() - link_us_;
-  }
+  output.wish_us = ledger_.heard() && unsent_.size() == 0 && ledger_.next_loss_us() != INT64_MAX
+                       ? max_of(ledger_.next_loss_us() - link_us_, base::TimeUs{1})
+                       : 0;
   for (int port = 0; port < config_.port_count; ++port) {
     auto& bytes = requests_[port];
     std::size_t size = ports_[port].request(now_us_, bytes.data(), bytes.size());

@@ -80,12 +80,12 @@ struct OutputSpan {
   std::size_t size_bytes;
 };
 
+/// No member has an initializer: the Cortex-M7 keeps one in memory that starts as zeros.
 struct CycleOutput {
-  OutputSpan downlink{};                    ///< whole frames, back to back
-  OutputSpan device_requests[kMaxPorts]{};  ///< bytes that each device is owed; size 0: none
-  StoreOutput store{};                      ///< pages to be saved and loaded
-  /// So long after this one the link would like a cycle; INT64_MAX: it can wait.
-  base::TimeUs wish_us = INT64_MAX;
+  OutputSpan downlink;                    ///< whole frames, back to back
+  OutputSpan device_requests[kMaxPorts];  ///< bytes that each device is owed; size 0: none
+  StoreOutput store;                      ///< pages to be saved and loaded
+  base::TimeUs wish_us;  ///< so long after this one the link would like a cycle; 0: it can wait
 };
 
 /// One localization table as read from disk: exactly the block.

@@ -168,7 +168,7 @@ class Trial {
     firmware::CycleOutput output{};
     vehicle_->cycle({now_us, chunks.data(), chunks.size(), kRoom_bytes}, output);
     *t_us_ = now_us;
-    wish_us_ = output.wish_us == INT64_MAX ? INT64_MAX : now_us + output.wish_us;
+    wish_us_ = output.wish_us == 0 ? INT64_MAX : now_us + output.wish_us;
     each_frame(output.downlink, [this, now_us](const std::uint8_t* frame, std::size_t size) {
       result_.bytes_down += size;
       result_.frames_down += 1;
