@@ -110,7 +110,7 @@ step("coarse cells: seen at once, as what they are", async () => {
   unframed(delta).copy(coarse, 1, 1, 3); // the survey's tag
   await sendFrames([hello, framed(coarse)], live.port, 0, 1);
   await until(() => window.leadline.page.complete && window.leadline.page.store?.coarse === 128);
-  assert.ok(await page.locator("#empty").isHidden());
+  await page.locator("#empty").waitFor({ state: "hidden" });
   assert.equal(await page.evaluate(() => window.leadline.page.store.known), 0);
   await until(() => document.querySelector('[data-id="coarse"] dd')?.textContent === "8 tiles");
   assert.match(await text("#legend-note"), /hatched: coarse so far/);
@@ -144,7 +144,7 @@ step("half a survey: cells where there are some, gaps where not", async () => {
   await send(live.port, 0, 0.5);
   await until(() => window.leadline.page.complete && window.leadline.page.store.known > 0);
   await until(() => document.querySelector("#state span").textContent.startsWith("Live"));
-  assert.ok(await page.locator("#empty").isHidden());
+  await page.locator("#empty").waitFor({ state: "hidden" });
   await page.keyboard.press("v");
   await page.keyboard.press("c"); // no contour over the pixel that is looked at
   await page.uncheck("#track", { force: true }).catch(() => {});
@@ -237,7 +237,7 @@ step("profile, distance and area give the map's own figures", async () => {
   await page.keyboard.press("Backspace");
   close(Number.parseFloat(await text("#readout h2")), (20 * truth.cell) ** 2 / 2, 3 * 20 * truth.cell * truth.cell, "area of three");
   await page.keyboard.press("Escape");
-  assert.ok(await page.locator("#readout").isHidden());
+  await page.locator("#readout").waitFor({ state: "hidden" });
 });
 
 step("obstacles above a depth are counted and marked", async () => {
@@ -298,10 +298,10 @@ step("everything by keyboard", async () => {
   assert.deepEqual(unframed, []);
   await page.keyboard.press("Home");
   await page.keyboard.press("h");
-  assert.ok(await page.locator("#keys").isVisible());
+  await page.locator("#keys").waitFor({ state: "visible" });
   await shot("keys");
   await page.keyboard.press("Escape");
-  assert.ok(await page.locator("#keys").isHidden());
+  await page.locator("#keys").waitFor({ state: "hidden" });
   await page.keyboard.press("t");
   assert.equal(await say("document.documentElement.dataset.theme"), "sunlight");
   await shot("sunlight");
@@ -376,7 +376,7 @@ step("a recording: to its end, back, and forward again", async () => {
   const played = await monitor(`file:${log}`);
   await page.goto(played.url);
   await until((count) => window.leadline.page.complete && window.leadline.page.store.known === count, knownCells.length);
-  assert.ok(await page.locator("#player").isVisible());
+  await page.locator("#player").waitFor({ state: "visible" });
   await page.locator("#time").evaluate((slider) => {
     slider.value = slider.max * 0.3;
     slider.dispatchEvent(new Event("input"));
@@ -409,7 +409,7 @@ step("on a small screen nothing is out of reach", async () => {
   assert.deepEqual(await reach(), { wide: 390, outside: [] });
   await shot("small");
   await page.click("#tab-health");
-  assert.ok(await page.locator("#figures").isVisible());
+  await page.locator("#figures").waitFor({ state: "visible" });
   assert.deepEqual((await reach()).outside, []);
   await shot("small-health");
   await page.click("#panel-close");

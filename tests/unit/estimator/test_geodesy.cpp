@@ -1,7 +1,7 @@
 // The plane against the projection's exact series in long double: Krueger's in n, of eighth order where the
 // product has Redfearn's in longitude.
-#include <cinttypes>
 #include <cmath>
+#include <cstdint>
 
 #include "estimator/geodesy.hpp"
 #include "tests/support/test.hpp"
@@ -145,9 +145,10 @@ TEST(there_and_back_is_the_same_place) {
       // 2e-9 degrees of arc are 0.22 mm.
       if (std::abs(back.value().north_um - north) > 230 ||
           std::abs(back.value().east_um - east) > 230) {
-        fail_msg("latitude %" PRId64 ": %" PRId64 ", %" PRId64 " um comes back as %" PRId64
-                 ", %" PRId64,
-                 latitude, north, east, back.value().north_um, back.value().east_um);
+        const auto whole = [](std::int64_t value) { return static_cast<long long>(value); };
+        fail_msg("latitude %lld: %lld, %lld um comes back as %lld, %lld", whole(latitude),
+                 whole(north), whole(east), whole(back.value().north_um),
+                 whole(back.value().east_um));
       }
     }
   }
