@@ -286,11 +286,14 @@ LogEvent LogPlayer::take_flight(const LogRecord& record) {
 
 void LogPlayer::take_chunk(const proto::LogChunk& chunk) {
   // Of what is beyond the cycle's limit the vehicle counts the bytes and reads none (kMaxCycleBytes), so the
-  // size is kept as it was said, and the bytes as far as they are read.
-  const bool report = chunk.port == kHostPort || chunk.port == kCommandPort;
+  // size is kept as it was said, and the bytes as far as they are read. Reports and edges it reads before all others,
+  // wherever they stand.
+  const bool first =
+      chunk.port == kHostPort || chunk.port == kCommandPort ||
+      (chunk.port < config_.port_count && config_.ports[chunk.port].driver == Driver::kLine);
   const std::size_t size_bytes = chunk.bytes.size_bytes;
   const std::size_t kept_bytes =
-      report ? size_bytes : base::min_of(size_bytes, kMaxCycleBytes - device_bytes_);
+      first ? size_bytes : base::min_of(size_bytes, kMaxCycleBytes - device_bytes_);
   if (chunk_count_ == chunks_.size() || kept_bytes > chunk_bytes_.size() - filled_bytes_) {
     ++chunks_dropped_;
     return;
@@ -300,7 +303,7 @@ void LogPlayer::take_chunk(const proto::LogChunk& chunk) {
     std::memcpy(bytes, chunk.bytes.data, kept_bytes);
   }
   filled_bytes_ += kept_bytes;
-  device_bytes_ += report ? 0 : kept_bytes;
+  device_bytes_ += first ? 0 : kept_bytes;
   chunks_[chunk_count_] = {chunk.t_arrival_us, bytes, static_cast<std::uint16_t>(size_bytes),
                            chunk.port};
   ++chunk_count_;

@@ -234,6 +234,28 @@ TEST(what_the_vehicle_did_not_take_is_replayed_as_such) {
   assert_int_equal(vehicle.counters().bytes_over_limit, over_limit);
 }
 
+TEST(an_edge_behind_more_bytes_than_a_cycle_takes_is_replayed) {
+  leadline::firmware::VehicleConfig config = leadline::test::rig_config();
+  constexpr std::uint8_t kLinePort = 2;
+  config.port_count = 3;
+  config.ports[kLinePort].driver = leadline::firmware::Driver::kLine;
+  config.ports[kLinePort].variant_plus_1 = static_cast<int>(leadline::hal::LineRole::kLeak) + 1;
+  config.ports[kLinePort].mount = leadline::firmware::kNoMount;
+  Log log(config);
+  const Bytes noise(leadline::firmware::kMaxChunk_bytes, 0xA5);
+  std::vector<InputChunk> chunks(
+      20, InputChunk{0, noise.data(), static_cast<std::uint16_t>(noise.size()), 0});
+  const std::uint8_t wet = leadline::hal::kLineRising;
+  chunks.push_back({0, &wet, 1, kLinePort});
+  assert_true(20 * noise.size() > kMaxCycleBytes);
+  log.run({0, chunks.data(), chunks.size(), 100'000});
+  log.run({20'000, nullptr, 0, 100'000});
+  assert_true((vehicle.counters().alarms & leadline::proto::kAlarmLeak) != 0);
+  log.close();
+  expect_flight(play(log.bytes), log);
+  assert_true((vehicle.counters().alarms & leadline::proto::kAlarmLeak) != 0);
+}
+
 TEST(a_cycle_of_as_many_chunks_as_a_log_takes) {
   Log log(leadline::test::rig_config());
   const std::uint8_t byte = 0x42;
