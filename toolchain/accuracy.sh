@@ -15,28 +15,19 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-build=1
-arguments=()
-while [ $# -gt 0 ]; do
-  case $1 in
-    --scenes | --out)
-      [ $# -ge 2 ] || usage_error "$1 wants a folder"
-      arguments+=("$1" "$(realpath -m "$2")")
-      shift
-      ;;
-    --no-build) build=0 ;;
-    --rules | --outliers) arguments+=("$1") ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    -*) usage_error "unknown option $1" ;;
-    *) arguments+=("$1") ;;
-  esac
-  shift
-done
+scenes=
+out=
+no_build=0
+rules=0
+outliers=0
+parse_options 'scenes=folder out=folder no-build rules outliers NAME...' "$@"
+arguments=("${operands[@]}")
+[ -z "$scenes" ] || arguments+=(--scenes "$scenes")
+[ -z "$out" ] || arguments+=(--out "$out")
+[ $rules -eq 0 ] || arguments+=(--rules)
+[ $outliers -eq 0 ] || arguments+=(--outliers)
 
-if [ "$build" -eq 1 ]; then
+if [ $no_build -eq 0 ]; then
   "$root/toolchain/setup.sh"
   configure_and_build release leadline octomap_scene
 fi

@@ -16,31 +16,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 core=$(($(nproc) - 1))
 list=0
 aarch64=0
-names=()
-options=()
-while [ $# -gt 0 ]; do
-  case $1 in
-    --core)
-      [ $# -ge 2 ] || usage_error "--core wants a number"
-      core=$2
-      shift
-      ;;
-    --list) list=1 ;;
-    --aarch64) aarch64=1 ;;
-    --)
-      shift
-      options=("$@")
-      break
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    -*) usage_error "unknown option $1" ;;
-    *) names+=("$1") ;;
-  esac
-  shift
-done
+parse_options 'core=number list aarch64 NAME... --' "$@"
+names=("${operands[@]}")
 
 # Of a call: the difference of two runs. QEMU writes a line for every instruction.
 count_aarch64() {
@@ -96,7 +73,7 @@ failed=()
 for name in "${names[@]}"; do
   say "bench $name"
   if ! taskset -c "$core" "$root/build/release/tests/bench.$name" \
-    --benchmark_out="$out/$name.json" --benchmark_out_format=json "${options[@]}" |
+    --benchmark_out="$out/$name.json" --benchmark_out_format=json "${rest[@]}" |
     tee "$out/$name.txt"; then
     failed+=("$name")
   fi

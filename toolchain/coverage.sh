@@ -11,23 +11,9 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-minimum=95
+min=95
 label='^(fast|ci)$'
-while [ $# -gt 0 ]; do
-  case $1 in
-    --min | --label)
-      [ $# -ge 2 ] || usage_error "$1 wants a value"
-      if [ "$1" = --min ]; then minimum=$2; else label=$2; fi
-      shift
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
+parse_options 'min=decimal label=text' "$@"
 
 command -v gcovr >/dev/null || die "gcovr is missing: toolchain/setup.sh --checks"
 configure_and_build coverage vehicle_tests
@@ -53,8 +39,8 @@ below=0
 # Never a device as gcovr's output: it deletes what it finds under that name first, and root may.
 for folder in "${folders[@]}"; do
   summary=$(gcovr --root "$root" --add-tracefile "$build/coverage.json" --filter "$root/$folder/" \
-    --fail-under-line "$minimum" --print-summary --txt "$build/coverage_folder.txt") || below=1
+    --fail-under-line "$min" --print-summary --txt "$build/coverage_folder.txt") || below=1
   printf '%-18s %s\n' "$folder" "$(grep '^lines' <<<"$summary")"
 done
-[ "$below" -eq 0 ] || die "a folder is below $minimum % of its lines: see $build/coverage.txt"
+[ "$below" -eq 0 ] || die "a folder is below $min % of its lines: see $build/coverage.txt"
 [ "$tests_failed" -eq 0 ] || die "tests failed: see $build/ctest.log"

@@ -31,49 +31,19 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 out=
 target=native
-# One echo in a hundred is of something short of the ground: fish, or a second path.
-mission=(--set outlier_fraction=0.01)
+terrain=
 live=0
 speed=
-while [ $# -gt 0 ]; do
-  case $1 in
-    --terrain)
-      [ $# -ge 2 ] || usage_error "--terrain wants a file"
-      [ -r "$2" ] || usage_error "cannot read $2"
-      mission+=(--terrain "$(realpath "$2")")
-      shift
-      ;;
-    --out)
-      [ $# -ge 2 ] || usage_error "--out wants a folder"
-      out=$(realpath -m "$2")
-      shift
-      ;;
-    --live) live=1 ;;
-    --speed)
-      [ $# -ge 2 ] || usage_error "--speed wants a number"
-      speed=$2
-      shift
-      ;;
-    --target)
-      [ $# -ge 2 ] || usage_error "--target wants native or m7"
-      target=$2
-      shift
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
+parse_options 'terrain=file out=folder live speed=decimal target=native|m7' "$@"
+# One echo in a hundred is of something short of the ground: fish, or a second path.
+mission=(--set outlier_fraction=0.01)
+[ -z "$terrain" ] || mission+=(--terrain "$terrain")
 [ -z "$speed" ] || [ "$live" -eq 1 ] || usage_error "--speed goes with --live"
 pace=()
 [ "$live" -eq 0 ] || pace=(--speed "${speed:-10}")
 case $target in
   native) link=udp:@127.0.0.1:0 out=${out:-$root/out/demo} ;;
   m7) link=tcp:@127.0.0.1:0 out=${out:-$root/out/demo-m7} mission+=(--set one_nmea_line=true --set extract_interval_s=1.5) ;;
-  *) usage_error "unknown target $target" ;;
 esac
 [ "$target" = native ] || [ "$live" -eq 0 ] || usage_error "--live goes with --target native"
 

@@ -6,18 +6,10 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
+check=0
+parse_options 'check' "$@"
 mode=(-i)
-while [ $# -gt 0 ]; do
-  case $1 in
-    --check) mode=(--dry-run -Werror --ferror-limit=3) ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
+[ $check -eq 0 ] || mode=(--dry-run -Werror --ferror-limit=3)
 
 # Another version formats differently, so no fallback to whatever clang-format there is.
 command -v clang-format-14 >/dev/null || die "clang-format-14 is missing: toolchain/setup.sh --checks"

@@ -19,38 +19,19 @@ seconds=60
 total=
 inputs=
 seed=
+reached=0
 goal=1000000000
-targets=()
-while [ $# -gt 0 ]; do
-  case $1 in
-    --seconds | --total | --inputs | --seed)
-      [ $# -ge 2 ] || usage_error "$1 wants a number"
-      case $1 in
-        --seconds) seconds=$2 ;;
-        --total) total=$2 ;;
-        --inputs) inputs=$2 ;;
-        --seed) seed=$2 ;;
-      esac
-      shift
-      ;;
-    --reached)
-      echo "| target | inputs | of a billion |"
-      echo "|---|---|---|"
-      for kept in "$root"/out/fuzz/*/inputs; do
-        [ ! -f "$kept" ] || awk -v t="$(basename "$(dirname "$kept")")" -v g="$goal" \
-          '{printf "| %s | %.3g | %.2g |\n", t, $1, $1 / g}' "$kept"
-      done
-      exit 0
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    -*) usage_error "unknown option $1" ;;
-    *) targets+=("$1") ;;
-  esac
-  shift
-done
+parse_options 'seconds=number total=number inputs=number seed=number reached TARGET...' "$@"
+targets=("${operands[@]}")
+if [ $reached -eq 1 ]; then
+  echo "| target | inputs | of a billion |"
+  echo "|---|---|---|"
+  for kept in "$root"/out/fuzz/*/inputs; do
+    [ ! -f "$kept" ] || awk -v t="$(basename "$(dirname "$kept")")" -v g="$goal" \
+      '{printf "| %s | %.3g | %.2g |\n", t, $1, $1 / g}' "$kept"
+  done
+  exit 0
+fi
 
 command -v clang++-14 >/dev/null || die "clang-14 is missing: toolchain/setup.sh --checks"
 if [ ${#targets[@]} -eq 0 ]; then
@@ -61,7 +42,7 @@ if [ -n "$total" ]; then
   seconds=$((total / ${#targets[@]}))
   [ "$seconds" -gt 0 ] || seconds=1
 fi
-case $inputs in *[!0-9]* | 0) usage_error "--inputs wants a whole number from 1" ;; esac
+[ "$inputs" != 0 ] || usage_error "--inputs wants a whole number from 1"
 configure_and_build fuzz "${targets[@]}"
 
 failed=()

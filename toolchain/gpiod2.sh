@@ -8,14 +8,7 @@
 # Exit code 0: passed; 77: no network, or no user-mode kernel; anything else: failed.
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
-case ${1:-} in
-  '') ;;
-  -h | --help)
-    print_help
-    exit 0
-    ;;
-  *) usage_error "unknown option $1" ;;
-esac
+parse_options '' "$@"
 
 cache=${LEADLINE_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/leadline}/gpiod2
 files=$cache/root/usr

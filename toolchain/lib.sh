@@ -21,6 +21,112 @@ usage_error() {
 # The comment block at the top of the calling script is its --help.
 print_help() { sed -n '2,/^[^#]/{/^#/!q;s/^# \{0,1\}//;p}' "$0"; }
 
+# parse_options SPEC ARGUMENT... : the script's options into variables of their names, "-" as "_"; they keep what they had
+# where the option does not come. SPEC, separated by spaces:
+#   name        --name is a switch: 1
+#   name=KIND   --name VALUE or --name=VALUE. KIND is number (a whole one), decimal, folder (absolute from then on), file
+#               (can be read; absolute), text, or the words to choose from, a|b|c
+#   name+=KIND  may come again: an array
+#   NAME...     words that are no options go to the array operands; without this they are errors
+#   +NAME...    likewise, and everything behind the first of them
+#   --          what is behind -- goes to the array rest
+# -h and --help print the help, and end. What is wrong is a usage_error.
+parse_options() {
+  local -A kinds=() again=()
+  local spec name value takes_operands=0 first_ends=0 takes_rest=0
+  for spec in $1; do
+    case $spec in
+      --) takes_rest=1 ;;
+      +*) takes_operands=1 first_ends=1 ;;
+      [A-Z]*) takes_operands=1 ;;
+      *+=*) kinds[${spec%%+=*}]=${spec#*=} again[${spec%%+=*}]=1 ;;
+      *=*) kinds[${spec%%=*}]=${spec#*=} ;;
+      *) kinds[$spec]=switch ;;
+    esac
+  done
+  shift
+  operands=()
+  rest=()
+  while [ $# -gt 0 ]; do
+    case $1 in
+      -h | --help)
+        print_help
+        exit 0
+        ;;
+      --)
+        [ $takes_rest -eq 1 ] || usage_error "unknown option --"
+        rest=("${@:2}")
+        return
+        ;;
+      --?*)
+        name=${1%%=*}
+        name=${name#--}
+        case ${kinds[${name:-none}]:-} in
+          '') usage_error "unknown option $1" ;;
+          switch)
+            [ "$1" = "--$name" ] || usage_error "--$name takes no value"
+            value=1
+            ;;
+          *)
+            value=${1#*=}
+            if [ "$1" = "--$name" ]; then
+              [ $# -ge 2 ] || usage_error "--$name wants $(option_kind "${kinds[$name]}")"
+              value=$2
+              shift
+            fi
+            check_option "$name" "${kinds[$name]}"
+            ;;
+        esac
+        name=${name//-/_}
+        if [ -n "${again[$name]:-}" ]; then
+          local -n list=$name
+          list+=("$value")
+        else
+          printf -v "$name" %s "$value"
+        fi
+        ;;
+      -?*) usage_error "unknown option $1" ;;
+      *)
+        [ $takes_operands -eq 1 ] || usage_error "unknown argument $1"
+        if [ $first_ends -eq 1 ]; then
+          operands=("$@")
+          return
+        fi
+        operands+=("$1")
+        ;;
+    esac
+    shift
+  done
+}
+# option_kind KIND: in words.
+option_kind() {
+  case $1 in
+    number) echo "a whole number" ;;
+    decimal) echo "a number" ;;
+    folder | file) echo "a $1" ;;
+    text) echo "a value" ;;
+    *) echo "one of ${1//|/, }" ;;
+  esac
+}
+# check_option NAME KIND: of parse_options, whose `value` it looks at and completes.
+check_option() {
+  local fits=1
+  case $2 in
+    number) if [[ $value =~ ^[0-9]{1,18}$ ]]; then value=$((10#$value)); else fits=0; fi ;;
+    decimal) [[ $value =~ ^[0-9]+(\.[0-9]+)?$ ]] || fits=0 ;;
+    folder)
+      [ -n "$value" ] || usage_error "--$1 wants a folder"
+      value=$(realpath -m -- "$value")
+      ;;
+    file)
+      [ -r "$value" ] && [ ! -d "$value" ] || usage_error "--$1: cannot read $value"
+      value=$(realpath -- "$value")
+      ;;
+    *\|*) [[ $value =~ ^($2)$ ]] || fits=0 ;;
+  esac
+  [ $fits -eq 1 ] || usage_error "--$1 wants $(option_kind "$2"), not $value"
+}
+
 # stems FOLDER PATTERN: names without folder and extension, sorted; nothing when there are none.
 stems() {
   [ ! -d "$1" ] || find "$1" -maxdepth 1 -name "$2" -printf '%f\n' | sed 's/\.[^.]*$//' | sort

@@ -21,26 +21,11 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 board=an500
-while [ $# -gt 0 ]; do
-  case $1 in
-    --board)
-      [ $# -ge 2 ] || usage_error "--board wants an500 or stm32h743"
-      board=$2
-      shift
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    -*) usage_error "unknown option $1" ;;
-    *) break ;;
-  esac
-  shift
-done
+parse_options 'board=an500|stm32h743 +COMMAND' "$@"
+set -- "${operands[@]}"
 case $board in
   an500) preset=cortex-m7 ;;
   stm32h743) preset=stm32h743 ;;
-  *) usage_error "unknown board $board" ;;
 esac
 [ $# -gt 0 ] || usage_error "a command is needed"
 command=$1

@@ -15,27 +15,11 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 arch=amd64
 try=0
-while [ $# -gt 0 ]; do
-  case $1 in
-    --arch)
-      [ $# -ge 2 ] || usage_error "--arch wants amd64, arm64 or armhf"
-      arch=$2
-      shift
-      ;;
-    --try) try=1 ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
+parse_options 'arch=amd64|arm64|armhf try' "$@"
 case $arch in
   amd64) preset=release targets=(leadline leadline-vehicle leadline-replay) setup=() ;;
   arm64) preset=package-arm64 emulator=qemu-aarch64-static targets=(leadline leadline-vehicle leadline-replay) setup=(--cross) ;;
   armhf) preset=armhf emulator=qemu-arm-static targets=(leadline-vehicle leadline-replay) setup=(--cross) ;;
-  *) usage_error "unknown architecture $arch" ;;
 esac
 [ $try -eq 0 ] || setup+=(--packages)
 "$root/toolchain/setup.sh" "${setup[@]}"

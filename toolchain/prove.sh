@@ -18,27 +18,10 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-header=$root/model/base/saturating.h
 seconds=60
-while [ $# -gt 0 ]; do
-  case $1 in
-    --seconds)
-      [ $# -ge 2 ] || usage_error "--seconds wants a number"
-      seconds=$2
-      shift
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    -*) usage_error "unknown option $1" ;;
-    *)
-      header=$1
-      [ -r "$header" ] || usage_error "cannot read $header"
-      ;;
-  esac
-  shift
-done
+parse_options 'seconds=number HEADER' "$@"
+header=${operands[0]:-$root/model/base/saturating.h}
+[ -r "$header" ] || usage_error "cannot read $header"
 for tool in frama-c why3 z3; do
   command -v "$tool" >/dev/null || {
     echo "skipped: $tool is not installed (apt-get install frama-c-base why3 z3)"

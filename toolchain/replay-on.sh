@@ -24,15 +24,16 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-case ${1:-} in
-  -h | --help)
-    print_help
-    exit 0
-    ;;
-esac
-[ $# -ge 2 ] || usage_error "a target and a log are needed"
-target=$1
-shift
+all=0
+parse_options 'all TARGET LOG...' "$@"
+set -- "${operands[@]}"
+target=--all
+if [ $all -eq 0 ]; then
+  [ $# -ge 2 ] || usage_error "a target and a log are needed"
+  target=$1
+  shift
+fi
+[ $# -ge 1 ] || usage_error "a log is needed"
 for log in "$@"; do
   [ -r "$log" ] && [ ! -d "$log" ] || {
     warn "cannot read $log"

@@ -17,7 +17,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 # Compiler and build; libraries of host_tools; the demo's font; of the ports; tests; benches.
-packages=(
+wanted=(
   g++ cmake ninja-build pkg-config python3
   libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev libsqlite3-dev
   libsodium-dev
@@ -49,9 +49,21 @@ m7_packages=(
 # The targets' libraries are unpacked beside the build (toolchain/sysroot.sh), not installed.
 cross_packages=(g++-aarch64-linux-gnu g++-arm-linux-gnueabihf qemu-user-static debian-archive-keyring)
 
-dry_run=0
-browser=0
+checks=0
 full=0
+clang=0
+cross=0
+m7=0
+packages=0
+dry_run=0
+parse_options 'checks full clang cross m7 packages dry-run' "$@"
+[ $checks -eq 0 ] || wanted+=("${check_packages[@]}")
+[ $full -eq 0 ] || wanted+=("${full_packages[@]}")
+[ $clang -eq 0 ] || wanted+=(clang-14)
+[ $cross -eq 0 ] || wanted+=("${cross_packages[@]}")
+[ $m7 -eq 0 ] || wanted+=("${m7_packages[@]}")
+[ $packages -eq 0 ] || wanted+=(dpkg-dev debootstrap systemd-container)
+
 # What a test needs of the npm registry, as its lock file says; the test is skipped without.
 install_node_modules() {
   local from="$root/$1" folder="$root/build/$2"
@@ -66,39 +78,16 @@ install_node_modules() {
     warn "what $1 needs could not be installed (build/$2/npm.log): its test will be skipped"
 }
 install_all_node_modules() {
-  [ "$browser" -eq 0 ] || install_node_modules tests/browser browser
-  [ "$full" -eq 0 ] || install_node_modules tests/cli/support/las_reader las_reader
+  [ $checks -eq 0 ] || install_node_modules tests/browser browser
+  [ $full -eq 0 ] || install_node_modules tests/cli/support/las_reader las_reader
 }
-while [ $# -gt 0 ]; do
-  case $1 in
-    --checks)
-      packages+=("${check_packages[@]}")
-      browser=1
-      ;;
-    --full)
-      packages+=("${full_packages[@]}")
-      full=1
-      ;;
-    --clang) packages+=(clang-14) ;;
-    --packages) packages+=(dpkg-dev debootstrap systemd-container) ;;
-    --cross) packages+=("${cross_packages[@]}") ;;
-    --m7) packages+=("${m7_packages[@]}") ;;
-    --dry-run) dry_run=1 ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
 
 if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
-  die "this is no Debian: install by other means what corresponds to: ${packages[*]}"
+  die "this is no Debian: install by other means what corresponds to: ${wanted[*]}"
 fi
 
 missing=()
-for package in "${packages[@]}"; do
+for package in "${wanted[@]}"; do
   # One line per architecture that dpkg has heard of.
   if ! dpkg-query --show --showformat='${db:Status-Status}\n' "$package" 2>/dev/null |
     grep -qx installed; then
@@ -107,12 +96,12 @@ for package in "${packages[@]}"; do
 done
 
 if [ ${#missing[@]} -eq 0 ]; then
-  [ "$dry_run" -eq 1 ] || install_all_node_modules
+  [ $dry_run -eq 1 ] || install_all_node_modules
   echo "setup: nothing is missing"
   exit 0
 fi
 echo "setup: missing: ${missing[*]}"
-[ "$dry_run" -eq 0 ] || exit 1
+[ $dry_run -eq 0 ] || exit 1
 
 as_root=()
 if [ "$(id -u)" -ne 0 ]; then

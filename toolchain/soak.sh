@@ -28,68 +28,36 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 minutes=
-bound_pings=
-sensors_only=false
-target_logs=0
-first_log=0
-transports_only=false
-while [ $# -gt 0 ]; do
-  case $1 in
-    --minutes)
-      [ $# -ge 2 ] || usage_error "--minutes wants a number"
-      minutes=$2
-      shift
-      ;;
-    --work-bound-pings)
-      [ $# -ge 2 ] || usage_error "--work-bound-pings wants a number"
-      bound_pings=$2
-      shift
-      ;;
-    --sensors) sensors_only=true ;;
-    --targets)
-      [ $# -ge 2 ] || usage_error "--targets wants a number of logs"
-      target_logs=$2
-      shift
-      ;;
-    --from)
-      [ $# -ge 2 ] || usage_error "--from wants a number of logs"
-      first_log=$2
-      shift
-      ;;
-    --transports) transports_only=true ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
+work_bound_pings=
+sensors=0
+transports=0
+targets=0
+from=0
+parse_options 'minutes=number work-bound-pings=number sensors transports targets=number from=number' "$@"
 
-case $target_logs$first_log in *[!0-9]*) usage_error "--targets and --from want whole numbers" ;; esac
-if [ "$target_logs" -gt 0 ]; then
+if [ "$targets" -gt 0 ]; then
   "$root/toolchain/setup.sh" --clang --cross --m7
   configure_and_build release property.random_logs
   # In batches: their logs are 75 MB at a time.
   batch=500
-  for ((first = first_log; first < target_logs; first += batch)); do
-    left=$((target_logs - first))
+  for ((first = from; first < targets; first += batch)); do
+    left=$((targets - first))
     LEADLINE_ROOT=$root LEADLINE_BUILD=$root/build/release LEADLINE_SAME_BITS_SEED=$((20270000 + first)) \
       LEADLINE_SAME_BITS_COUNT=$((left < batch ? left : batch)) python3 "$root/tests/cli/test_same_bits_ci.py" |
       grep -v '^  [a-z0-9]* *[0-9]* ports \|^\['
-    echo "soak: random logs up to $((left < batch ? target_logs : first + batch)) of $target_logs are the same everywhere"
+    echo "soak: random logs up to $((left < batch ? targets : first + batch)) of $targets are the same everywhere"
   done
-  echo "soak: $target_logs random logs, the same on every target"
+  echo "soak: $targets random logs, the same on every target"
   exit 0
 fi
 
 if [ -z "$minutes" ]; then
   minutes=60
-  ! $sensors_only && ! $transports_only || minutes=10
+  [ $sensors$transports = 00 ] || minutes=10
 fi
-case $minutes in '' | *[!0-9]* | 0) usage_error "--minutes wants a whole number from 1" ;; esac
-bound_pings=${bound_pings:-$((minutes * 7500))}
-case $bound_pings in *[!0-9]* | 0) usage_error "--work-bound-pings wants a whole number from 1" ;; esac
+[ "$minutes" -gt 0 ] || usage_error "--minutes wants a whole number from 1"
+bound_pings=${work_bound_pings:-$((minutes * 7500))}
+[ "$bound_pings" -gt 0 ] || usage_error "--work-bound-pings wants a whole number from 1"
 
 out="$root/out/soak"
 rm -rf "$out"
@@ -159,14 +127,14 @@ PYTHON
 }
 
 "$root/toolchain/setup.sh" --checks
-if $sensors_only; then
+if [ $sensors -eq 1 ]; then
   step "build release" configure_and_build release property.faults_soak_ci || { step_summary; exit 1; }
   step "sensors, $minutes min" sensors_at_ten_times_their_rate || true
   grep -h '^reached\|vehicles. time; memory' "$out/sensors.txt" | tail -1 | sed 's/^/sensors: /' || true
   step_summary
   exit
 fi
-if $transports_only; then
+if [ $transports -eq 1 ]; then
   step "build release" configure_and_build release leadline leadline-vehicle || { step_summary; exit 1; }
   step "transports, $minutes min" vehicles_on_real_lines || true
   step_summary

@@ -14,33 +14,20 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
-build=1
+no_build=0
 data=${LEADLINE_DATA:-$root/../shared/data}
 out=$root/out/surveys
-surveys=()
-while [ $# -gt 0 ]; do
-  case $1 in
-    --data | --out)
-      [ $# -ge 2 ] || usage_error "$1 wants a folder"
-      if [ "$1" = --data ]; then data=$(realpath -m "$2"); else out=$(realpath -m "$2"); fi
-      shift
-      ;;
-    --no-build) build=0 ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    r2sonic | caputh | ping360 | river) surveys+=("$1") ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
+parse_options 'data=folder out=folder no-build SURVEY...' "$@"
+surveys=("${operands[@]}")
+for survey in "${surveys[@]}"; do
+  [[ $survey =~ ^(r2sonic|caputh|ping360|river)$ ]] || usage_error "unknown survey $survey"
 done
 [ ${#surveys[@]} -gt 0 ] || surveys=(r2sonic caputh ping360 river)
 if [ ! -d "$data" ]; then
   echo "*skipped*: no data at $data"
   exit 77
 fi
-if [ "$build" -eq 1 ]; then
+if [ $no_build -eq 0 ]; then
   "$root/toolchain/setup.sh"
   configure_and_build release leadline
   # Its target is there where the benches' libraries are.

@@ -19,27 +19,14 @@ packages=(
   libgpiod-dev libmodbus-dev libsodium-dev libsystemd-dev libtomlplusplus-dev libcmocka-dev libeigen3-dev libcli11-dev
 )
 
-arch=
-ours=()
+topside=0
+package=()
 into=
-while [ $# -gt 0 ]; do
-  case $1 in
-    arm64 | armhf) arch=$1 ;;
-    --topside) packages+=(libgdal-dev libcairo2-dev libsqlite3-dev nlohmann-json3-dev libboost-dev) ;;
-    --package | --into)
-      [ $# -ge 2 ] || usage_error "$1 wants a name"
-      if [ "$1" = --into ]; then into=$2; else ours+=("$2"); fi
-      shift
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
-[ -n "$arch" ] || usage_error "the architecture is missing: arm64 or armhf"
+parse_options 'topside package+=file into=folder ARCH' "$@"
+ours=("${package[@]}")
+[ $topside -eq 0 ] || packages+=(libgdal-dev libcairo2-dev libsqlite3-dev nlohmann-json3-dev libboost-dev)
+arch=${operands[0]:-}
+[[ ${operands[*]} =~ ^(arm64|armhf)$ ]] || usage_error "one architecture is needed: arm64 or armhf"
 command -v apt-get >/dev/null || die "this is no Debian: no apt-get"
 
 if [ ${#ours[@]} -gt 0 ]; then

@@ -20,36 +20,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 tier=fast
 target=
-while [ $# -gt 0 ]; do
-  case $1 in
-    --tier)
-      [ $# -ge 2 ] || usage_error "--tier wants fast, ci or full"
-      tier=$2
-      shift
-      ;;
-    --tier=*) tier=${1#--tier=} ;;
-    --target)
-      [ $# -ge 2 ] || usage_error "--target wants aarch64, armhf or cortex-m7"
-      target=$2
-      shift
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
-case $tier in
-  fast | ci | full) ;;
-  *) usage_error "unknown tier $tier" ;;
-esac
-case $target in
-  '' | aarch64 | armhf) ;;
-  cortex-m7) exec "$root/toolchain/m7.sh" test ;;
-  *) usage_error "unknown target $target" ;;
-esac
+parse_options 'tier=fast|ci|full target=aarch64|armhf|cortex-m7' "$@"
+[ "$target" != cortex-m7 ] || exec "$root/toolchain/m7.sh" test
 
 # Words that promise work for later do not stay in the sources.
 unfinished_marks() {

@@ -9,22 +9,10 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
 seconds=600
+parse_options 'seconds=number FILE...' "$@"
 files=()
-while [ $# -gt 0 ]; do
-  case $1 in
-    --seconds)
-      [ $# -ge 2 ] || usage_error "--seconds wants a number"
-      seconds=$2
-      shift
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    -*) usage_error "unknown option $1" ;;
-    *) files+=("$(realpath "$1")") ;;
-  esac
-  shift
+for file in "${operands[@]}"; do
+  files+=("$(realpath -- "$file")")
 done
 
 command -v clang-tidy-14 >/dev/null || die "clang-tidy-14 is missing: toolchain/setup.sh --checks"

@@ -15,28 +15,16 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 
+check=0
+search=
+listing=0
+cycles=0
+parse_options 'check search=number listing cycles' "$@"
 mode=tables
-pings=
-while [ $# -gt 0 ]; do
-  case $1 in
-    --check) mode=check ;;
-    --listing) mode=listing ;;
-    --cycles) mode=cycles ;;
-    --search)
-      [ $# -ge 2 ] || usage_error "--search wants a number"
-      mode=search
-      pings=$2
-      shift
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
-case $pings in *[!0-9]*) usage_error "--search wants a whole number" ;; esac
+[ $check -eq 0 ] || mode=check
+[ $listing -eq 0 ] || mode=listing
+[ $cycles -eq 0 ] || mode=cycles
+[ -z "$search" ] || mode=search
 
 out="$root/out/timing"
 mkdir -p "$out"
@@ -116,7 +104,7 @@ case $mode in
   search)
     build property.work_bound_ci
     for head in "${heads[@]}"; do
-      LEADLINE_COST_FOLDER=$out LEADLINE_WORK_BOUND_ONLY=$head LEADLINE_WORK_BOUND_PINGS=$((pings * 4)) \
+      LEADLINE_COST_FOLDER=$out LEADLINE_WORK_BOUND_ONLY=$head LEADLINE_WORK_BOUND_PINGS=$((search * 4)) \
         "$searcher" | grep "^$head:" | tee "$out/$head.found"
       cp "$out/$head.txt" "$out/$head.pings"
       measure "$head"

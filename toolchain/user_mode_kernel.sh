@@ -18,25 +18,12 @@ cache=${LEADLINE_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/leadline}
 kernel=$cache/user-mode-6.1-2/linux
 archive=/usr/src/linux-source-6.1.tar.xz
 jobs=$(nproc)
-while [ $# -gt 0 ]; do
-  case $1 in
-    --jobs)
-      [ $# -ge 2 ] || usage_error "--jobs needs a number"
-      jobs=$2
-      shift
-      ;;
-    --print-path)
-      echo "$kernel"
-      exit 0
-      ;;
-    -h | --help)
-      print_help
-      exit 0
-      ;;
-    *) usage_error "unknown option $1" ;;
-  esac
-  shift
-done
+print_path=0
+parse_options 'jobs=number print-path' "$@"
+if [ $print_path -eq 1 ]; then
+  echo "$kernel"
+  exit 0
+fi
 
 if [ -x "$kernel" ]; then
   echo "user_mode_kernel: there already: $kernel"
