@@ -21,29 +21,13 @@ void put_text(Bytes& out, std::size_t at, const std::string& text) {
 }  // namespace
 
 EmulatedDeltat::EmulatedDeltat(const EmulatedDeltatConfig& config, Measure measure)
-    : config_(config), measure_(std::move(measure)) {}
+    : FreeRunningHead(config.interval_us), config_(config), measure_(std::move(measure)) {}
 
-void EmulatedDeltat::take(base::TimeUs /*now_us*/, const std::uint8_t* /*data*/,
-                          std::size_t /*size_bytes*/) {}
-
-void EmulatedDeltat::advance(base::TimeUs now_us, Bytes& out) {
-  while (t_ping_us_ <= now_us) {
-    ping();
-  }
-  Bytes sent;
-  line_.take_until(now_us, sent);
-  if (!silent_) {
-    out.insert(out.end(), sent.begin(), sent.end());
-  }
-}
-
-base::TimeUs EmulatedDeltat::next_event_us() const { return std::min(line_.next_us(), t_ping_us_); }
-
-void EmulatedDeltat::ping() {
+void EmulatedDeltat::ping(base::TimeUs t_ping_us) {
   const double increment_deg = config_.beams > 1 ? config_.sector_deg / config_.beams : 0;
   const double start_deg = -increment_deg * (config_.beams - 1) / 2;
   const DeltatEcho echo =
-      measure_({t_ping_us_, config_.beams, start_deg, increment_deg, config_.range_m});
+      measure_({t_ping_us, config_.beams, start_deg, increment_deg, config_.range_m});
   ++shots_;
   const auto beams = static_cast<std::size_t>(config_.beams);
   const bool intensities = !echo.intensity.empty();
@@ -52,7 +36,7 @@ void EmulatedDeltat::ping() {
   out[3] = 10;
   put_u16(out, 4, static_cast<long>(out.size()));
   char time[16];
-  const long long ms = t_ping_us_ / 1000;
+  const long long ms = t_ping_us / 1000;
   std::snprintf(time, sizeof time, "%02d:%02d:%02d", static_cast<int>(ms / 3'600'000 % 24),
                 static_cast<int>(ms / 60'000 % 60), static_cast<int>(ms / 1000 % 60));
   put_text(out, 8, config_.date);
@@ -94,8 +78,7 @@ void EmulatedDeltat::ping() {
   const std::int64_t wait_us = config_.data_latency_us > 0
                                    ? config_.data_latency_us
                                    : static_cast<std::int64_t>(2e6 * config_.range_m / 1500);
-  line_.send(t_ping_us_ + wait_us, out);
-  t_ping_us_ += config_.interval_us;
+  send(t_ping_us + wait_us, out);
 }
 
 }  // namespace leadline::emu

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/emu/emulated_device.hpp"
+#include "hal/emu/free_running_head.hpp"
 
 namespace leadline::emu {
 
@@ -40,26 +40,19 @@ struct EmulatedDeltatConfig {
   std::string date = "22-NOV-2026";
 };
 
-class EmulatedDeltat final : public EmulatedDevice {
+class EmulatedDeltat final : public FreeRunningHead {
  public:
   using Measure = std::function<DeltatEcho(const DeltatShot&)>;
 
   EmulatedDeltat(const EmulatedDeltatConfig& config, Measure measure);
 
-  void take(base::TimeUs now_us, const std::uint8_t* data, std::size_t size_bytes) override;
-  void advance(base::TimeUs now_us, Bytes& out) override;
-  [[nodiscard]] base::TimeUs next_event_us() const override;
-  void set_silent(bool silent) { silent_ = silent; }
   [[nodiscard]] std::uint64_t shots() const { return shots_; }
 
  private:
-  void ping();
+  void ping(base::TimeUs t_us) override;
 
   EmulatedDeltatConfig config_;
   Measure measure_;
-  SendQueue line_;
-  base::TimeUs t_ping_us_ = 0;
-  bool silent_ = false;
   std::uint64_t shots_ = 0;
 };
 

@@ -167,25 +167,9 @@ Bytes wl3d_range_image(const EmulatedWl3dConfig& config, std::uint32_t sequence_
 }
 
 EmulatedWl3d::EmulatedWl3d(const EmulatedWl3dConfig& config, Range range)
-    : config_(config), range_(std::move(range)) {}
+    : FreeRunningHead(config.interval_us), config_(config), range_(std::move(range)) {}
 
-void EmulatedWl3d::take(base::TimeUs /*now_us*/, const std::uint8_t* /*data*/,
-                        std::size_t /*size_bytes*/) {}
-
-void EmulatedWl3d::advance(base::TimeUs now_us, Bytes& out) {
-  while (t_ping_us_ <= now_us) {
-    ping();
-  }
-  Bytes sent;
-  line_.take_until(now_us, sent);
-  if (!silent_) {
-    out.insert(out.end(), sent.begin(), sent.end());
-  }
-}
-
-base::TimeUs EmulatedWl3d::next_event_us() const { return std::min(line_.next_us(), t_ping_us_); }
-
-void EmulatedWl3d::ping() {
+void EmulatedWl3d::ping(base::TimeUs t_ping_us) {
   std::vector<std::uint32_t> pixels;
   Bytes grey;
   for (int row = 0; row < config_.height; ++row) {
@@ -194,22 +178,20 @@ void EmulatedWl3d::ping() {
           (static_cast<double>(column) / (config_.width - 1) - 0.5) * config_.fov_horizontal_deg;
       const double pitch =
           (static_cast<double>(row) / (config_.height - 1) - 0.5) * config_.fov_vertical_deg;
-      const double range = range_({t_ping_us_, yaw, pitch});
+      const double range = range_({t_ping_us, yaw, pitch});
       pixels.push_back(
           range <= config_.range_m ? static_cast<std::uint32_t>(std::lround(range / kScale_m)) : 0);
       grey.push_back(static_cast<std::uint8_t>(pixels.back() > 0 ? 100 : 0));
     }
   }
   const base::TimeUs t_us =
-      t_ping_us_ + static_cast<std::int64_t>(2e6 * config_.range_m / config_.sound_speed_m_s);
-  line_.send(t_us,
-             wl3d_packet("RangeImage", wl3d_range_image(config_, sequence_id_, pixels, kScale_m),
+      t_ping_us + static_cast<std::int64_t>(2e6 * config_.range_m / config_.sound_speed_m_s);
+  send(t_us, wl3d_packet("RangeImage", wl3d_range_image(config_, sequence_id_, pixels, kScale_m),
                          config_.compressed));
   Bytes image;
   put_bytes(image, 10, grey);
-  line_.send(t_us, wl3d_packet("BitmapImageGreyscale8", image, config_.compressed));
+  send(t_us, wl3d_packet("BitmapImageGreyscale8", image, config_.compressed));
   ++sequence_id_;
-  t_ping_us_ += config_.interval_us;
 }
 
 }  // namespace leadline::emu

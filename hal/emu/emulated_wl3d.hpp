@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/emu/emulated_device.hpp"
+#include "hal/emu/free_running_head.hpp"
 
 namespace leadline::emu {
 
@@ -34,27 +34,19 @@ struct EmulatedWl3dConfig {
 [[nodiscard]] Bytes wl3d_range_image(const EmulatedWl3dConfig& config, std::uint32_t sequence_id,
                                      const std::vector<std::uint32_t>& pixels, double scale_m);
 
-class EmulatedWl3d final : public EmulatedDevice {
+class EmulatedWl3d final : public FreeRunningHead {
  public:
   /// Distance in metres along a direction; 0: nothing.
   using Range = std::function<double(const Wl3dShot&)>;
 
   EmulatedWl3d(const EmulatedWl3dConfig& config, Range range);
 
-  void take(base::TimeUs now_us, const std::uint8_t* data, std::size_t size_bytes) override;
-  void advance(base::TimeUs now_us, Bytes& out) override;
-  [[nodiscard]] base::TimeUs next_event_us() const override;
-  void set_silent(bool silent) { silent_ = silent; }
-
  private:
-  void ping();
+  void ping(base::TimeUs t_us) override;
 
   EmulatedWl3dConfig config_;
   Range range_;
-  SendQueue line_;
-  base::TimeUs t_ping_us_ = 0;
   std::uint32_t sequence_id_ = 4448;
-  bool silent_ = false;
 };
 
 }  // namespace leadline::emu

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
-#include <utility>
 
 namespace leadline::emu {
 
@@ -102,38 +101,24 @@ std::string nmea_sentence(NmeaKind kind, const NmeaTruth& truth) {
   return nmea_frame(body_of(kind, truth));
 }
 
-NmeaTalker::NmeaTalker(const NmeaTalkerConfig& config, Measure measure)
-    : config_(config), measure_(std::move(measure)), line_(config.byte_time_ns) {
-  for (const NmeaSchedule& row : config_.schedule) {
-    due_us_.push_back(row.first_us);
+namespace {
+
+std::vector<TalkerRow> rows_of(const std::vector<NmeaSchedule>& schedule,
+                               const NmeaTalker::Measure& measure) {
+  std::vector<TalkerRow> rows;
+  for (const NmeaSchedule& each : schedule) {
+    const auto message = [kind = each.kind, measure](base::TimeUs t_us) {
+      const std::string sentence = nmea_sentence(kind, measure(t_us));
+      return Bytes(sentence.begin(), sentence.end());
+    };
+    rows.push_back({message, each.interval_us, each.first_us});
   }
+  return rows;
 }
 
-void NmeaTalker::take(base::TimeUs /*now_us*/, const std::uint8_t* /*data*/,
-                      std::size_t /*size_bytes*/) {}
+}  // namespace
 
-std::size_t NmeaTalker::earliest() const {
-  return static_cast<std::size_t>(std::min_element(due_us_.begin(), due_us_.end()) -
-                                  due_us_.begin());
-}
-
-void NmeaTalker::advance(base::TimeUs now_us, Bytes& out) {
-  while (!due_us_.empty()) {
-    const std::size_t row = earliest();
-    const base::TimeUs t_us = due_us_[row];
-    if (t_us > now_us) {
-      break;
-    }
-    const std::string sentence = nmea_sentence(config_.schedule[row].kind, measure_(t_us));
-    line_.send(t_us + config_.latency_us, Bytes(sentence.begin(), sentence.end()));
-    due_us_[row] = t_us + std::max<std::int64_t>(config_.schedule[row].interval_us, 1);
-  }
-  Bytes unheard;
-  line_.take_until(now_us, silent_ ? unheard : out);
-}
-
-base::TimeUs NmeaTalker::next_event_us() const {
-  return std::min(line_.next_us(), due_us_.empty() ? kNever_us : due_us_[earliest()]);
-}
+NmeaTalker::NmeaTalker(const NmeaTalkerConfig& config, const Measure& measure)
+    : Talker(config, rows_of(config.schedule, measure)) {}
 
 }  // namespace leadline::emu

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/emu/emulated_device.hpp"
+#include "hal/emu/talker.hpp"
 
 namespace leadline::emu {
 
@@ -53,33 +53,16 @@ struct NmeaSchedule {
   base::TimeUs first_us;
 };
 
-struct NmeaTalkerConfig {
+struct NmeaTalkerConfig : TalkerConfig {
   std::vector<NmeaSchedule> schedule;
-  std::int64_t latency_us = 0;    ///< from the measured instant to the first byte
-  std::int64_t byte_time_ns = 0;  ///< per byte on the line (115200 baud: 86806)
 };
 
-/// Listens to nothing.
-class NmeaTalker final : public EmulatedDevice {
+class NmeaTalker final : public Talker {
  public:
   using Measure = std::function<NmeaTruth(base::TimeUs)>;
 
   /// `measure` is called in order of time, once per sentence.
-  NmeaTalker(const NmeaTalkerConfig& config, Measure measure);
-
-  void take(base::TimeUs now_us, const std::uint8_t* data, std::size_t size_bytes) override;
-  void advance(base::TimeUs now_us, Bytes& out) override;
-  [[nodiscard]] base::TimeUs next_event_us() const override;
-  void set_silent(bool silent) { silent_ = silent; }
-
- private:
-  [[nodiscard]] std::size_t earliest() const;
-
-  NmeaTalkerConfig config_;
-  Measure measure_;
-  std::vector<base::TimeUs> due_us_;  ///< per schedule row
-  SendQueue line_;
-  bool silent_ = false;
+  NmeaTalker(const NmeaTalkerConfig& config, const Measure& measure);
 };
 
 }  // namespace leadline::emu

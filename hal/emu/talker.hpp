@@ -21,7 +21,7 @@ struct TalkerConfig {
   std::int64_t byte_time_ns = 0;  ///< per byte on the line (115200 baud: 86806)
 };
 
-class Talker final : public EmulatedDevice {
+class Talker : public EmulatedDevice {
  public:
   /// The rows' callbacks are called in order of time, once per message.
   Talker(const TalkerConfig& config, std::vector<TalkerRow> rows);

@@ -205,13 +205,8 @@ bool ImagenexCodec::feed(std::uint8_t byte, base::TimeUs t_arrival_us, base::Pin
 }
 
 bool ImagenexCodec::next(base::Ping& ping) {
-  FrameBytes frame{};
-  while (framer_.next(Rules{config_.model}, counters_, frame)) {
-    if (take(frame, ping)) {
-      return true;
-    }
-  }
-  return false;
+  return framer_.take_next(Rules{config_.model}, counters_,
+                           [&](const FrameBytes& frame) { return take(frame, ping); });
 }
 
 void ImagenexCodec::restart() {

@@ -11,7 +11,6 @@
 #include <linux/if_link.h>
 #include <linux/rtnetlink.h>
 #include <net/if.h>
-#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -54,14 +53,6 @@ void close_nest(const nlmsghdr* message, rtattr* nest) {
 }  // namespace
 
 CanPort::CanPort(const UriSpec& spec) : interface_(spec.path), filters_(spec.can_filters) {}
-
-CanPort::~CanPort() {
-  if (fd_ >= 0) {
-    ::close(fd_);
-  }
-}
-
-short CanPort::poll_events() const { return POLLIN; }
 
 std::size_t CanPort::write_room() const { return fd_ >= 0 ? kMaxWriteFrames * kCanFrame_bytes : 0; }
 

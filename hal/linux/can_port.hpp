@@ -15,7 +15,7 @@
 #include <string>
 
 #include "hal/can_frame.hpp"
-#include "hal/linux/stream_port.hpp"
+#include "hal/linux/datagram_port.hpp"
 
 namespace leadline::hal {
 
@@ -28,28 +28,17 @@ struct CanCounters {
   std::uint32_t tx_timeouts;
 };
 
-class CanPort final : public LinuxPort {
+class CanPort final : public DatagramPort {
  public:
   explicit CanPort(const UriSpec& spec);
-  ~CanPort() override;
 
   std::size_t read(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity,
                    base::TimeUs& t_arrival_us) override;
   /// Whole frames; what is left over, malformed or not taken by the interface is dropped and counted.
   std::size_t write(const std::uint8_t* data, std::size_t size) override;
   void service(base::TimeUs now_us) override;
-  [[nodiscard]] PortState state() const override {
-    return fd_ >= 0 ? PortState::kOpen : PortState::kClosed;
-  }
-  [[nodiscard]] const PortCounters& counters() const override { return counters_; }
   [[nodiscard]] const CanCounters& can_counters() const { return can_counters_; }
   [[nodiscard]] std::size_t write_room() const override;
-  [[nodiscard]] std::size_t pending_out_bytes() const override { return 0; }
-  [[nodiscard]] int poll_fd() const override { return fd_; }
-  [[nodiscard]] short poll_events() const override;
-  [[nodiscard]] int last_errno() const override { return errno_; }
-  [[nodiscard]] std::uint32_t kernel_drops() const override { return kernel_drops_; }
-  [[nodiscard]] bool datagrams() const override { return true; }
 
  private:
   [[nodiscard]] bool open_now();
@@ -61,14 +50,9 @@ class CanPort final : public LinuxPort {
 
   std::string interface_;
   std::vector<CanFilter> filters_;
-  int fd_ = -1;
-  int errno_ = 0;
   int interface_index_ = 0;
   bool bus_off_ = false;  ///< until a frame comes
-  std::uint32_t kernel_drops_ = 0;
   base::TimeUs now_us_ = 0;
-  Backoff backoff_;
-  PortCounters counters_{};
   CanCounters can_counters_{};
 };
 

@@ -24,9 +24,13 @@ class GpioLine {
   ~GpioLine() { close(); }
 
   /// `chip`: name ("gpiochip0") or path. Both edges are reported.
-  [[nodiscard]] bool open_input(const std::string& chip, std::uint32_t line);
+  [[nodiscard]] bool open_input(const std::string& chip, std::uint32_t line) {
+    return open(chip, line, false);
+  }
   /// Low until set.
-  [[nodiscard]] bool open_output(const std::string& chip, std::uint32_t line);
+  [[nodiscard]] bool open_output(const std::string& chip, std::uint32_t line) {
+    return open(chip, line, true);
+  }
   void close();
   [[nodiscard]] bool set(bool high);
   /// Level of an input now.

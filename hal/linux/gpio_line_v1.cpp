@@ -35,14 +35,6 @@ bool GpioLine::open(const std::string& chip, std::uint32_t line, bool output) {
   return true;
 }
 
-bool GpioLine::open_input(const std::string& chip, std::uint32_t line) {
-  return open(chip, line, false);
-}
-
-bool GpioLine::open_output(const std::string& chip, std::uint32_t line) {
-  return open(chip, line, true);
-}
-
 void GpioLine::close() {
   if (line_ != nullptr) {
     gpiod_line_release(line_of(line_));

@@ -73,14 +73,6 @@ bool GpioLine::open(const std::string& chip, std::uint32_t line, bool output) {
   return true;
 }
 
-bool GpioLine::open_input(const std::string& chip, std::uint32_t line) {
-  return open(chip, line, false);
-}
-
-bool GpioLine::open_output(const std::string& chip, std::uint32_t line) {
-  return open(chip, line, true);
-}
-
 void GpioLine::close() {
   if (buffer_ != nullptr) {
     gpiod_edge_event_buffer_free(buffer_of(buffer_));

@@ -75,12 +75,6 @@ std::string resolve(const UriSpec& spec, SocketAddress* address) {
 UdpPort::UdpPort(const SocketAddress& address, bool listen)
     : address_(address), listen_(listen), has_peer_(!listen), held_(kLargest_bytes) {}
 
-UdpPort::~UdpPort() {
-  if (fd_ >= 0) {
-    ::close(fd_);
-  }
-}
-
 void UdpPort::note_error(int number) {
   errno_ = number;
   counters_.errors += 1;
@@ -200,8 +194,6 @@ std::size_t UdpPort::write(const std::uint8_t* data, std::size_t size) {
   counters_.bytes_dropped_out += size;
   return 0;
 }
-
-short UdpPort::poll_events() const { return POLLIN; }
 
 std::uint16_t UdpPort::local_port() const { return port_of(fd_); }
 

@@ -9,6 +9,7 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include "hal/linux/datagram_port.hpp"
 #include "hal/linux/stream_port.hpp"
 
 namespace leadline::hal {
@@ -29,27 +30,16 @@ struct SocketAddress {
 
 /// Datagrams: to one peer, or bound and answering whoever sent last. Refusals (nobody listens there
 /// yet) are counted as errors, and the port stays open.
-class UdpPort final : public LinuxPort {
+class UdpPort final : public DatagramPort {
  public:
   UdpPort(const SocketAddress& address, bool listen);
-  ~UdpPort() override;
 
   std::size_t read(base::TimeUs now_us, std::uint8_t* out, std::size_t capacity,
                    base::TimeUs& t_arrival_us) override;
   std::size_t write(const std::uint8_t* data, std::size_t size) override;
   void service(base::TimeUs now_us) override;
-  [[nodiscard]] PortState state() const override {
-    return fd_ >= 0 ? PortState::kOpen : PortState::kClosed;
-  }
-  [[nodiscard]] const PortCounters& counters() const override { return counters_; }
   [[nodiscard]] std::size_t write_room() const override;
-  [[nodiscard]] std::size_t pending_out_bytes() const override { return 0; }
-  [[nodiscard]] int poll_fd() const override { return fd_; }
-  [[nodiscard]] short poll_events() const override;
-  [[nodiscard]] int last_errno() const override { return errno_; }
-  [[nodiscard]] std::uint32_t kernel_drops() const override { return kernel_drops_; }
   [[nodiscard]] std::size_t held_bytes() const override { return held_end_ - held_begin_; }
-  [[nodiscard]] bool datagrams() const override { return true; }
   [[nodiscard]] std::uint16_t local_port() const override;
 
  private:
@@ -64,14 +54,9 @@ class UdpPort final : public LinuxPort {
   bool listen_;
   bool has_peer_;
   SocketAddress peer_;
-  int fd_ = -1;
-  int errno_ = 0;
-  std::uint32_t kernel_drops_ = 0;
   std::vector<std::uint8_t> held_;  ///< the newest datagram, of which [begin, end) is not read yet
   std::size_t held_begin_ = 0;
   std::size_t held_end_ = 0;
-  Backoff backoff_;
-  PortCounters counters_{};
 };
 
 /// One connection, made by this side.

@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "hal/heads/ping1d.hpp"
-#include "tests/support/fuzz_require.hpp"
+#include "tests/support/fuzz_heads.hpp"
 
 namespace {
 
@@ -13,8 +13,6 @@ using leadline::fuzz::require;
 using leadline::hal::Ping1dCodec;
 using leadline::hal::Ping1dConfig;
 
-std::uint32_t g_sum = 0;  // read, so that a bad span is seen
-
 void check(const Ping& ping, const Ping1dConfig& config) {
   require(ping.t_transmit_us <= ping.t_receive_us);
   if (ping.kind == ReturnKind::kProfile) {
@@ -22,7 +20,7 @@ void check(const Ping& ping, const Ping1dConfig& config) {
     require(ping.profile.first_bin_um > 0 || ping.profile.bin_um == 1);
     for (std::size_t i = 0; i < ping.profile.bin_count; ++i) {
       require(ping.profile.intensity[i] <= 255);
-      g_sum += ping.profile.intensity[i];
+      leadline::fuzz::g_sum += ping.profile.intensity[i];
     }
     return;
   }
@@ -46,26 +44,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   config.sound_speed_mm_s = 1'400'000 + 1000 * data[1];
   config.byte_time_ns = (data[0] & 8U) != 0 ? 86'806 : 0;
   Ping1dCodec codec(config);
-  std::int64_t t_us = 0;
-  std::uint32_t records = 0;
-  for (std::size_t i = 2; i < size; ++i) {
-    t_us += 100;
-    // 0xFE: a pause; the rest of the bytes come at line speed.
-    t_us += data[i] == 0xFE ? 700'000 : 0;
-    Ping ping{};
-    bool more = codec.feed(data[i], t_us, ping);
-    while (more) {
-      ++records;
-      check(ping, config);
-      more = codec.next(ping);
-    }
-    std::uint8_t out[Ping1dCodec::kMaxRequest_bytes];
-    require(codec.request(t_us, out, sizeof out) <= sizeof out);
-    require(codec.request(t_us, out, sizeof out) == 0);
-  }
+  leadline::fuzz::drive_ping_head(codec, data + 2, size - 2,
+                                  [&](const Ping& ping) { check(ping, config); });
   const auto counters = codec.counters();
-  require(counters.records == records);
-  require(counters.skipped_bytes + counters.frames * 10 <= size - 2);
   require(counters.records + counters.repeats + counters.bad_values <= counters.frames);
   return 0;
 }

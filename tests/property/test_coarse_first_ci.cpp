@@ -8,6 +8,7 @@
 #include "host_tools/topside/link_trial.hpp"
 #include "proto/coarse.hpp"
 #include "proto/messages.hpp"
+#include "tests/support/bad_tether.hpp"
 #include "tests/support/test.hpp"
 #include "tests/support/vehicle_rig.hpp"
 
@@ -24,6 +25,7 @@ using leadline::host::Receiver;
 using leadline::host::run_link_trial;
 using leadline::host::settle_vehicle;
 using leadline::proto::MessageType;
+using leadline::test::bad_line;
 using leadline::test::Recording;
 
 Vehicle vehicle;
@@ -54,24 +56,8 @@ const Recording& flight() {
 TimeUs flown(double bytes_per_s, std::uint32_t coarse_wait_us, std::uint16_t mtu_bytes = 256) {
   const Recording& recording = flight();
   VehicleConfig config = fan_config();
-  config.link.rate_bytes_s = static_cast<std::uint32_t>(bytes_per_s);
-  config.link.mtu_bytes = mtu_bytes;
   config.link.coarse_wait_us = coarse_wait_us;
-  leadline::test::configure_rig(vehicle, config);
-  leadline::test::run_recording(vehicle, recording);
-  TimeUs t_us = recording.back().t_us;
-  settle_vehicle(&vehicle, &t_us, 20'000);
-  return t_us;
-}
-
-LinkTrialOptions bad_line(double bytes_per_s, std::uint64_t seed) {
-  LinkTrialOptions options;
-  options.line.bytes_per_s = bytes_per_s;
-  options.line.loss = 0.3;
-  options.line.reorder = 0.05;
-  options.line.duplicate = 0.05;
-  options.line.seed = seed;
-  return options;
+  return leadline::test::fly_and_settle(&vehicle, config, recording, bytes_per_s, mtu_bytes);
 }
 
 /// Depth of a cell as the receiver would show it, cells; NaN: it shows none.

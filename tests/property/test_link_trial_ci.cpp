@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "host_tools/topside/link_trial.hpp"
+#include "tests/support/bad_tether.hpp"
 #include "tests/support/test.hpp"
 #include "tests/support/vehicle_rig.hpp"
 
@@ -12,16 +13,14 @@ namespace {
 
 using leadline::base::TimeUs;
 using leadline::firmware::Vehicle;
-using leadline::firmware::VehicleConfig;
 using leadline::host::LinkTrialOptions;
 using leadline::host::LinkTrialResult;
 using leadline::host::run_link_trial;
 using leadline::host::settle_vehicle;
+using leadline::test::bad_line;
 using leadline::test::Recording;
 
 Vehicle vehicle;
-
-constexpr double kLoss = 0.3;
 
 /// The rig's flight, recorded once.
 const Recording& flight() {
@@ -37,25 +36,9 @@ const Recording& flight() {
 
 /// A vehicle that flew, drained, with a link of that rate.
 TimeUs flown(double bytes_per_s, std::uint16_t mtu_bytes) {
-  VehicleConfig config = leadline::test::rig_config();
-  config.link.rate_bytes_s = static_cast<std::uint32_t>(bytes_per_s);
-  config.link.mtu_bytes = mtu_bytes;
   const Recording& recording = flight();
-  leadline::test::configure_rig(vehicle, config);
-  leadline::test::run_recording(vehicle, recording);
-  TimeUs t_us = recording.back().t_us;
-  settle_vehicle(&vehicle, &t_us, 20'000);
-  return t_us;
-}
-
-LinkTrialOptions bad_line(double bytes_per_s, std::uint64_t seed) {
-  LinkTrialOptions options;
-  options.line.bytes_per_s = bytes_per_s;
-  options.line.loss = kLoss;
-  options.line.reorder = 0.05;
-  options.line.duplicate = 0.05;
-  options.line.seed = seed;
-  return options;
+  return leadline::test::fly_and_settle(&vehicle, leadline::test::rig_config(), recording,
+                                        bytes_per_s, mtu_bytes);
 }
 
 TEST(a_bad_line_converges_within_its_bounds) {
@@ -73,7 +56,8 @@ TEST(a_bad_line_converges_within_its_bounds) {
       assert_true(lossless.tiles >= 24);
       // Of thirty: the first round trips on a slow line are guesses.
       assert_true(lossless.tiles_lost <= 4);
-      const double ideal_bytes = static_cast<double>(lossless.bytes_down) / (1.0 - kLoss);
+      const double ideal_bytes =
+          static_cast<double>(lossless.bytes_down) / (1.0 - leadline::test::kBadLineLoss);
       leadline::firmware::Downlink bucket;
       bucket.configure(static_cast<std::uint32_t>(bytes_per_s), mtu_bytes);
       const std::uint64_t budget_bytes =
@@ -146,7 +130,7 @@ TEST(any_mtu_and_a_line_that_only_reorders_or_only_doubles_converge) {
       assert_true(result.converged && result.hash_equal);
       assert_int_equal(result.frames_dropped, 0);
       // Less than a line that loses needs at least: one run on such a line may be luckier than that.
-      assert_true(static_cast<double>(result.bytes_down) * (1.0 - kLoss) <
+      assert_true(static_cast<double>(result.bytes_down) * (1.0 - leadline::test::kBadLineLoss) <
                   static_cast<double>(lossless.bytes_down));
       // A tenth of what came, doubles too, and what the first reports take on credit.
       assert_true(result.bytes_up * 20 <= result.bytes_down * 3 + 1280);

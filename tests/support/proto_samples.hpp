@@ -68,6 +68,22 @@ inline proto::Hello sample_hello() {
   return hello;
 }
 
+/// Of a vehicle of this version whose map begins at 0; cells of 0.5 m, 64 of them down.
+inline proto::Hello grid_hello(std::int32_t north_cells, std::int32_t east_cells) {
+  proto::Hello hello{};
+  hello.protocol_major = proto::kProtocolMajor;
+  hello.protocol_minor = proto::kProtocolMinor;
+  hello.tile_side_cells = proto::kTileSide_cells;
+  hello.schema_hash = proto::schema_hash();
+  hello.survey_id = 7;
+  hello.session = 1;
+  hello.cell_mm = 500;
+  hello.size_cells[0] = north_cells;
+  hello.size_cells[1] = east_cells;
+  hello.size_cells[2] = 64;
+  return hello;
+}
+
 inline proto::Status sample_status() {
   proto::Status status{};
   status.t_us = 1'000'000;

@@ -9,6 +9,7 @@
 #include "host_tools/topside/coarse_map.hpp"
 #include "host_tools/topside/receiver.hpp"
 #include "proto/framing.hpp"
+#include "tests/support/proto_samples.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -26,19 +27,7 @@ using leadline::proto::TileDelta;
 using leadline::proto::TileScale;
 
 // 5 x 6 tiles, so that a coarse tile reaches beyond the grid.
-Hello grid_hello() {
-  Hello hello{};
-  hello.protocol_major = leadline::proto::kProtocolMajor;
-  hello.protocol_minor = leadline::proto::kProtocolMinor;
-  hello.tile_side_cells = leadline::proto::kTileSide_cells;
-  hello.survey_id = 5;
-  hello.session = 1;
-  hello.cell_mm = 500;
-  hello.size_cells[0] = 80;
-  hello.size_cells[1] = 90;
-  hello.size_cells[2] = 64;
-  return hello;
-}
+Hello grid_hello() { return leadline::test::grid_hello(80, 90); }
 
 constexpr std::uint32_t kTilesEast = 6;
 

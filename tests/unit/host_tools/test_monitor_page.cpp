@@ -17,6 +17,7 @@
 #include "host_tools/monitor/rate_window.hpp"
 #include "host_tools/monitor/track.hpp"
 #include "host_tools/topside/receiver.hpp"
+#include "tests/support/proto_samples.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -40,14 +41,8 @@ using leadline::proto::kTileArea_cells;
 using leadline::proto::TileDelta;
 
 Hello square_grid(std::int32_t side_cells, std::uint32_t session = 1) {
-  Hello hello{};
-  hello.protocol_major = leadline::proto::kProtocolMajor;
-  hello.tile_side_cells = leadline::proto::kTileSide_cells;
-  hello.survey_id = 7;
+  Hello hello = leadline::test::grid_hello(side_cells, side_cells);
   hello.session = session;
-  hello.cell_mm = 500;
-  hello.size_cells[0] = hello.size_cells[1] = side_cells;
-  hello.size_cells[2] = 64;
   return hello;
 }
 

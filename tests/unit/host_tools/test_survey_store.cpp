@@ -15,6 +15,7 @@
 #include "host_tools/export/map_source.hpp"
 #include "host_tools/store/live_store.hpp"
 #include "host_tools/store/survey_store.hpp"
+#include "tests/support/proto_samples.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -35,15 +36,9 @@ using leadline::test::Random;
 
 // 80 x 64 cells: 5 x 4 tiles.
 Hello grid(std::uint64_t survey_id = 0xFFFF'FFFF'0000'0007U) {
-  Hello hello{};
-  hello.protocol_major = leadline::proto::kProtocolMajor;
-  hello.tile_side_cells = leadline::proto::kTileSide_cells;
+  Hello hello = leadline::test::grid_hello(80, 64);
   hello.survey_id = survey_id;
   hello.session = 0xFFFF'FFFEU;
-  hello.cell_mm = 500;
-  hello.size_cells[0] = 80;
-  hello.size_cells[1] = 64;
-  hello.size_cells[2] = 64;
   hello.origin_mm[0] = -10'000;
   hello.origin_mm[2] = 20'000;
   return hello;

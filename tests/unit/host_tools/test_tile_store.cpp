@@ -4,6 +4,7 @@
 
 #include "host_tools/raster.hpp"
 #include "host_tools/topside/tile_store.hpp"
+#include "tests/support/proto_samples.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -24,15 +25,7 @@ using leadline::test::Random;
 
 // 40 x 20 cells: 3 x 2 tiles, the outer ones cut.
 Hello small_grid() {
-  Hello hello{};
-  hello.protocol_major = leadline::proto::kProtocolMajor;
-  hello.tile_side_cells = leadline::proto::kTileSide_cells;
-  hello.survey_id = 7;
-  hello.session = 1;
-  hello.cell_mm = 500;
-  hello.size_cells[0] = 40;
-  hello.size_cells[1] = 20;
-  hello.size_cells[2] = 64;
+  Hello hello = leadline::test::grid_hello(40, 20);
   hello.origin_mm[0] = 10'000;
   hello.origin_mm[1] = -3'000;
   hello.origin_mm[2] = 20'000;
