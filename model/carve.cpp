@@ -129,7 +129,8 @@ struct Emptiness {
 };
 
 Emptiness make_emptiness(std::uint32_t end_q14, std::uint32_t growth_q24, std::int32_t range_q10) {
-  return Emptiness{end_q14, growth_q24, (1ULL << 36U) / static_cast<std::uint32_t>(range_q10)};
+  return Emptiness{end_q14, growth_q24,
+                   static_cast<std::uint64_t>(base::quotient(1LL << 36, range_q10))};
 }
 
 inline std::uint32_t empty_strength_q7(const Emptiness& empty, std::int32_t slant_q10) {

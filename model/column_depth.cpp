@@ -25,6 +25,9 @@ constexpr std::uint64_t kPassedFactor = 2;
 // A run this many times lower than the highest is not looked at.
 constexpr std::uint32_t kNegligible = 128;
 
+// How far smoothing carries evidence.
+constexpr std::int32_t kSmoothReach = 2;
+
 // S in Q8, unknown = 128.
 std::int32_t signal_q8(const Voxel& voxel) {
   const std::int32_t certainty = voxel.hit + voxel.miss;
@@ -96,9 +99,9 @@ Run find_run(const std::uint16_t* hits, const std::uint16_t* smoothed, std::int3
   if (run.sum == 0) {
     return run;
   }
-  run.mean_q8 = moment1 * 256 / run.sum;
+  run.mean_q8 = base::quotient(moment1 * 256, run.sum);
   const std::int64_t variance_q16 =
-      max_of<std::int64_t>(0, moment2 * 65536 / run.sum - run.mean_q8 * run.mean_q8);
+      max_of<std::int64_t>(0, base::quotient(moment2 * 65536, run.sum) - run.mean_q8 * run.mean_q8);
   run.sigma_q8 = base::sqrt_u64(static_cast<std::uint64_t>(variance_q16));
   return run;
 }
@@ -150,22 +153,29 @@ void clear_hill(std::uint16_t* smoothed, std::int32_t depth_cells, const Run& ru
   }
 }
 
-// Clears the runs that it has seen in `smoothed`.
+// Clears the runs that it has seen in `smoothed`, whose highest is `first_peak`, not 0.
 Choice choose_run(const Voxel* voxels, const std::uint16_t* hits, std::uint16_t* smoothed,
                   std::int32_t depth_cells, std::uint32_t first_peak) {
-  std::uint32_t peak = first_peak;
-  Run runs[kRuns] = {};
-  std::uint64_t scores[kRuns] = {};
-  int count = 0;
+  // What is left to look at beside `run`, its highest; 0: nothing.
+  const auto left_beside = [=](const Run& run) {
+    clear_hill(smoothed, depth_cells, run);
+    const std::uint32_t rest = highest(smoothed, depth_cells);
+    return rest * kNegligible < first_peak ? 0 : rest;
+  };
+  const Run first = find_run(hits, smoothed, depth_cells, first_peak);
+  std::uint32_t peak = left_beside(first);
+  if (peak == 0) {
+    // Most columns have one run: nothing to weigh.
+    return Choice{first, false};
+  }
+  Run runs[kRuns] = {first};
+  std::uint64_t scores[kRuns] = {credibility(first, voxels, hits)};
+  int count = 1;
   int best = 0;
   for (; count < kRuns && peak != 0; ++count) {
     runs[count] = find_run(hits, smoothed, depth_cells, peak);
-    const Run& run = runs[count];
-    clear_hill(smoothed, depth_cells, run);
-    const std::uint32_t rest = highest(smoothed, depth_cells);
-    peak = rest * kNegligible < first_peak ? 0 : rest;
-    // Most columns have one run: nothing to weigh.
-    scores[count] = count == 0 && peak == 0 ? 1 : credibility(run, voxels, hits);
+    peak = left_beside(runs[count]);
+    scores[count] = credibility(runs[count], voxels, hits);
     best = scores[count] > scores[best] ? count : best;
   }
   Choice choice{runs[best], false};
@@ -179,11 +189,19 @@ Choice choose_run(const Voxel* voxels, const std::uint16_t* hits, std::uint16_t*
 
 }  // namespace
 
-ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMethod method,
+ColumnDepth column_depth(const Voxel* column_voxels, std::int32_t column_cells, DepthMethod method,
                          Rule rule) {
   std::uint16_t padded[kMaxDepthCells + 2 * kProfileGuard];
   std::uint16_t smoothed[kMaxDepthCells + 8];
   std::uint16_t* const hits = padded + kProfileGuard;
+  // Where no hit is there is no evidence: most of a deep column. Below, cells count from `above` on.
+  const HitSpan span = hit_span(column_voxels, column_cells);
+  const std::int32_t above = max_of(span.first - kSmoothReach, 0);
+  const std::int32_t depth_cells = min_of(span.end + kSmoothReach, column_cells) - above;
+  if (span.first >= span.end) {
+    return ColumnDepth{kUnknownDepth, 0, false, 0};
+  }
+  const Voxel* const voxels = column_voxels + above;
   const ProfileSummary profile = gather_profile(voxels, depth_cells, rule, hits, smoothed);
   const std::uint32_t mass = profile.mass;
   const std::uint32_t peak = profile.peak;
@@ -191,10 +209,10 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
     return ColumnDepth{kUnknownDepth, 0, false, 0};
   }
   if (method == DepthMethod::kFirstMoment) {
-    return first_moment(voxels, depth_cells, mass);
+    return first_moment(column_voxels, column_cells, mass);
   }
   if (method == DepthMethod::kUpperCrossing) {
-    return upper_crossing(voxels, depth_cells, mass);
+    return upper_crossing(column_voxels, column_cells, mass);
   }
 
   const Choice choice = choose_run(voxels, hits, smoothed, depth_cells, peak);
@@ -205,30 +223,31 @@ ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells, DepthMet
   const std::int64_t wide_q8 =
       clamp<std::int64_t>((run.sigma_q8 * 7) >> 1, kNarrowest_q8, kWidest_q8);
 
-  std::int64_t estimate_q8 = 256 * static_cast<std::int64_t>(run.peak_k) + 128 + run.mean_q8;
-  const std::int64_t bottom_q8 = 256 * static_cast<std::int64_t>(depth_cells);
+  std::int64_t estimate_q8 =
+      256 * static_cast<std::int64_t>(above + run.peak_k) + 128 + run.mean_q8;
+  const std::int64_t bottom_q8 = 256 * static_cast<std::int64_t>(column_cells);
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     const std::int64_t window_q8 =
         max_of<std::int64_t>(256, min_of(wide_q8, min_of(estimate_q8, bottom_q8 - estimate_q8)));
     const std::int64_t window2 = window_q8 * window_q8;
-    const auto first =
-        static_cast<std::int32_t>(max_of<std::int64_t>(0, (estimate_q8 - window_q8) >> 8));
-    const auto last = static_cast<std::int32_t>(
-        min_of<std::int64_t>(depth_cells - 1, (estimate_q8 + window_q8) >> 8));
+    const std::int32_t first =
+        max_of(above, static_cast<std::int32_t>((estimate_q8 - window_q8) >> 8));
+    const std::int32_t last =
+        min_of(above + depth_cells - 1, static_cast<std::int32_t>((estimate_q8 + window_q8) >> 8));
     std::int64_t weight_sum = 0;
     std::int64_t weight_moment = 0;
     for (std::int32_t k = first; k <= last; ++k) {
       const std::int64_t offset = 256 * static_cast<std::int64_t>(k) + 128 - estimate_q8;
       // 28 bits at most, shifted so that weight * offset * count stays within 63.
       const std::int64_t taper = max_of<std::int64_t>(0, window2 - offset * offset) >> 8;
-      const std::int64_t weight = static_cast<std::int64_t>(hits[k]) * taper;
+      const std::int64_t weight = static_cast<std::int64_t>(hits[k - above]) * taper;
       weight_sum += weight;
       weight_moment += weight * offset;
     }
     if (weight_sum == 0) {
       break;
     }
-    const std::int64_t move = weight_moment / weight_sum;
+    const std::int64_t move = base::quotient(weight_moment, weight_sum);
     estimate_q8 += move;
     if (move > -kSettled_q8 && move < kSettled_q8) {
       break;

@@ -52,6 +52,41 @@ ProfileSummary gather_profile_scalar(const Voxel* voxels, std::int32_t depth_cel
   return out;
 }
 
+namespace {
+
+// Whether none of the kGroup voxels from here on has a hit.
+constexpr std::int32_t kGroup = 8;
+#if defined(LEADLINE_KERNELS_SSE2)
+bool no_hits(const Voxel* voxels) {
+  const __m128i any = _mm_or_si128(vector::load(voxels), vector::load(voxels + 4));
+  return _mm_movemask_epi8(_mm_cmpeq_epi32(_mm_slli_epi32(any, 16), _mm_setzero_si128())) == 0xFFFF;
+}
+#else
+bool no_hits(const Voxel* voxels) {
+  return (voxels[0].hit | voxels[1].hit | voxels[2].hit | voxels[3].hit | voxels[4].hit |
+          voxels[5].hit | voxels[6].hit | voxels[7].hit) == 0;
+}
+#endif
+
+}  // namespace
+
+HitSpan hit_span(const Voxel* voxels, std::int32_t depth_cells) {
+  HitSpan out{0, depth_cells};
+  while (out.first < depth_cells && no_hits(voxels + out.first)) {
+    out.first += kGroup;
+  }
+  while (out.first < depth_cells && voxels[out.first].hit == 0) {
+    ++out.first;
+  }
+  while (out.end - kGroup >= out.first && no_hits(voxels + out.end - kGroup)) {
+    out.end -= kGroup;
+  }
+  while (out.end > out.first && voxels[out.end - 1].hit == 0) {
+    --out.end;
+  }
+  return out;
+}
+
 void add_shell_scalar(Voxel* voxels, const std::int16_t* taps, std::int32_t count,
                       std::uint32_t first, const Evidence& evidence, std::uint32_t dither_base) {
   for (std::int32_t i = 0; i < count; ++i) {

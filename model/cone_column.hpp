@@ -103,7 +103,7 @@ struct NarrowColumn {
   }
   // Close to the vertical A is small and worth a division.
   if (cone.a_q30 <= -16 || cone.a_q30 >= 16) {
-    return limited_q10(mul_shift(q_q20, 1 << 20, 0) / cone.a_q30);
+    return limited_q10(base::quotient(mul_shift(q_q20, 1 << 20, 0), cone.a_q30));
   }
   return (q_q20 >= 0) != (cone.a_q24 < 0) ? kFar_q10 : -kFar_q10;
 }

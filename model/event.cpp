@@ -78,10 +78,11 @@ Lateral whiten(std::int64_t b1n, std::int64_t b1e, std::int64_t b2n, std::int64_
   c11 = max_of<std::int64_t>(c11, kLateralFloor_q12);
   const std::int64_t slant_q14 = ratio(c12, c11, 14);
   c22 = max_of<std::int64_t>(c22 - mul_shift(c12, slant_q14, 14), kLateralFloor_q12);
-  const auto s1_q12 = static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(c11) << 12U));
-  const auto s2_q12 = static_cast<std::int64_t>(sqrt_u64(static_cast<std::uint64_t>(c22) << 12U));
-  const std::int64_t inverse1_q16 = (1LL << 28) / s1_q12;
-  const std::int64_t inverse2_q16 = (1LL << 28) / s2_q12;
+  const std::uint32_t s1_q12 = sqrt_u64(static_cast<std::uint64_t>(c11) << 12U);
+  const std::uint32_t s2_q12 = sqrt_u64(static_cast<std::uint64_t>(c22) << 12U);
+  // Of the floor: 2^18.2 at most.
+  const std::int64_t inverse1_q16 = (1U << 28U) / s1_q12;
+  const std::int64_t inverse2_q16 = (1U << 28U) / s2_q12;
   Lateral out{};
   out.m11_q16 = mul_shift(b1n, inverse1_q16, 14);
   out.m12_q16 = mul_shift(b1e, inverse1_q16, 14);
@@ -100,8 +101,10 @@ Lateral whiten(std::int64_t b1n, std::int64_t b1e, std::int64_t b2n, std::int64_
     out.half_north_q16 = kLongest_q16;
     out.half_east_q16 = kLongest_q16;
   } else {
-    out.half_north_q16 = min_of(kCut_q16 * column_e_q16 / determinant_q16, kLongest_q16);
-    out.half_east_q16 = min_of(kCut_q16 * column_n_q16 / determinant_q16, kLongest_q16);
+    out.half_north_q16 =
+        min_of(base::quotient(kCut_q16 * column_e_q16, determinant_q16), kLongest_q16);
+    out.half_east_q16 =
+        min_of(base::quotient(kCut_q16 * column_n_q16, determinant_q16), kLongest_q16);
   }
   return out;
 }
@@ -164,14 +167,16 @@ std::uint8_t profile_class(std::int64_t beam_q12, std::int64_t total_q12) {
   if (total_q12 <= 0) {
     return 0;
   }
-  const std::int64_t c = (beam_q12 * (kProfileClasses - 1) + total_q12 / 2) / total_q12;
+  const std::int64_t c =
+      base::quotient(beam_q12 * (kProfileClasses - 1) + total_q12 / 2, total_q12);
   return static_cast<std::uint8_t>(clamp<std::int64_t>(c, 0, kProfileClasses - 1));
 }
 
 std::uint32_t event_weight_q7(std::int64_t min_variance_q12, std::int64_t variance_q12) {
   // 255 units, Q7, for the best ping that the configuration allows, in proportion to information.
   constexpr std::int64_t kBest_q7 = kMaxWeight_q7;
-  return static_cast<std::uint32_t>(min_of(kBest_q7, kBest_q7 * min_variance_q12 / variance_q12));
+  return static_cast<std::uint32_t>(
+      min_of(kBest_q7, base::quotient(kBest_q7 * min_variance_q12, variance_q12)));
 }
 
 std::uint16_t saturate_q8(std::int64_t variance_q12) {
@@ -222,7 +227,7 @@ std::uint8_t kernel_level(std::int64_t variance_q12) {
   if (octave >= 6) {
     return kKernelLevels - 1;
   }
-  const std::int64_t mantissa_q16 = (variance_q12 << 16) / (kQuarter_q12 << octave);
+  const std::int64_t mantissa_q16 = (variance_q12 << 16) >> (10 + octave);
   constexpr std::int64_t kThreshold_q16[4] = {71468, 84990, 101071, 120194};
   int quarter = 0;
   for (const std::int64_t threshold_q16 : kThreshold_q16) {
@@ -319,9 +324,9 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   // sin^2(incidence) = 1 - drop^2 / (1 + |g|^2)
   const std::int64_t drop2_q24 = mul_shift(drop_q30, drop_q30, 36);
   const std::int64_t sine2_q24 =
-      max_of<std::int64_t>(0, ((secant2_q24 - drop2_q24) << 24) / secant2_q24);
+      max_of<std::int64_t>(0, base::quotient((secant2_q24 - drop2_q24) << 24, secant2_q24));
   const std::uint32_t sine_q12 = sqrt_u64(static_cast<std::uint64_t>(sine2_q24));
-  const std::int64_t inverse_secant_q16 = (1LL << 28) / secant_q12;
+  const std::int64_t inverse_secant_q16 = (1 << 28) / static_cast<std::int32_t>(secant_q12);
   const std::int64_t cosine_q30 = mul_shift(drop_q30, inverse_secant_q16, 16);
   // Uphill direction across the beam, length sin(incidence): down-normal minus its axis part.
   const std::int64_t gsn_q30 = gn * inverse_secant_q16 * 4;
@@ -403,8 +408,8 @@ ShellEvent make_shell(const Scale& scale, const LocalizationTable& table, const 
   event.profile_class = profile_class(scaled_q12(patch_along_q30), c11);
   event.blur_q8 = saturate_q8((c11 + c22) / 2 + position_n_q12 + position_e_q12);
   place(event, scale, lateral, centre_n, centre_e, centre_depth_q16, gn * 16, ge * 16);
-  const auto growth_q24 =
-      static_cast<std::uint32_t>(min_of<std::int64_t>((growing_q12 << 24) / variance_q12, 1 << 24));
+  const auto growth_q24 = static_cast<std::uint32_t>(
+      min_of<std::int64_t>(base::quotient(growing_q12 << 24, variance_q12), 1 << 24));
   event.growth_q24 = growth_q24 < kLeastGrowth_q24 ? 0 : growth_q24;
   event.empty_range_q10 = static_cast<std::int32_t>(range >> 6);
   return event;
@@ -419,8 +424,8 @@ std::int32_t cone_growth_q20(std::int32_t tan_q20, std::int32_t range_q10) {
   if (end_q10 <= kTouch_q10 || range_q10 <= 0) {
     return kLeastGrowth_q20;
   }
-  return static_cast<std::int32_t>(
-      max_of<std::int64_t>(((end_q10 - kTouch_q10) << 20) / range_q10, kLeastGrowth_q20));
+  return static_cast<std::int32_t>(max_of<std::int64_t>(
+      base::quotient((end_q10 - kTouch_q10) << 20, range_q10), kLeastGrowth_q20));
 }
 
 Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10) {
@@ -431,8 +436,10 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   cone.horizontal_q30 =
       static_cast<std::int32_t>(sqrt_u64(static_cast<std::uint64_t>(un * un + ue * ue)));
   if (cone.horizontal_q30 > (1 << 12)) {
-    cone.heading_north_q20 = static_cast<std::int32_t>(un * (1 << 20) / cone.horizontal_q30);
-    cone.heading_east_q20 = static_cast<std::int32_t>(ue * (1 << 20) / cone.horizontal_q30);
+    cone.heading_north_q20 =
+        static_cast<std::int32_t>(base::quotient(un * (1 << 20), cone.horizontal_q30));
+    cone.heading_east_q20 =
+        static_cast<std::int32_t>(base::quotient(ue * (1 << 20), cone.horizontal_q30));
   } else {
     cone.heading_north_q20 = 1 << 20;
     cone.heading_east_q20 = 0;
@@ -449,10 +456,10 @@ Cone make_cone(const Scale& scale, const Direction& axis, std::int32_t range_q10
   // 1/4096: a flatter axis leaves its end upright, which over a radius of 40 cells is a hundredth of one.
   cone.inverse_a_q16 = cone.a_q30 > -(1 << 20) && cone.a_q30 < (1 << 20)
                            ? 0
-                           : static_cast<std::int32_t>((1LL << 46) / cone.a_q30);
+                           : static_cast<std::int32_t>(base::quotient(1LL << 46, cone.a_q30));
   constexpr std::int32_t kLevel_q30 = 1 << 18;
   cone.inverse_down_q12 = cone.down_q30 > kLevel_q30 || cone.down_q30 < -kLevel_q30
-                              ? static_cast<std::int32_t>((1LL << 42) / cone.down_q30)
+                              ? static_cast<std::int32_t>(base::quotient(1LL << 42, cone.down_q30))
                               : 0;
   // Largest B and C of any column that the cone can reach; a beam of 80 degrees has a growth of 5.7.
   const auto bits = [](std::int64_t value) {

@@ -110,9 +110,10 @@ Frustum make_frustum(const Scale& scale, const LocalizationTable& table, const B
   const std::int32_t hn = out.cone.heading_north_q20;
   out.banded = hn > (1 << 16) || hn < -(1 << 16);
   if (out.banded) {
-    out.band_slope_q20 = static_cast<std::int32_t>(out.cone.heading_east_q20 * (1LL << 20) / hn);
+    out.band_slope_q20 =
+        static_cast<std::int32_t>(base::quotient(out.cone.heading_east_q20 * (1LL << 20), hn));
     out.band_half_q10 = static_cast<std::int32_t>(min_of<std::int64_t>(
-        out.cone.radius_q10 * (1LL << 20) / (hn < 0 ? -hn : hn), 16LL * kFar_q10));
+        base::quotient(out.cone.radius_q10 * (1LL << 20), hn < 0 ? -hn : hn), 16LL * kFar_q10));
   }
   if (out.cone.narrow) {
     set_sides(out);

@@ -1,6 +1,7 @@
 // Model::integrate and what it consists of: sighting, slope feedback, shell; the cone is in carve.cpp.
 #include "model/base/fixed.hpp"
 #include "model/column_kernels.hpp"
+#include "model/cone_column.hpp"
 #include "model/evidence.hpp"
 #include "model/frustum.hpp"
 #include "model/model.hpp"
@@ -26,7 +27,7 @@ constexpr std::uint32_t kRegrowth = 2;
 // The slope's columns stand this many lateral standard deviations apart.
 constexpr std::int64_t kSlopeStride = 2;
 // Prior of the slope: as if a flat bottom had been seen with this weight (1 / 0.5^2 per cell^2).
-constexpr std::int64_t kSlopeRidge = 4;
+constexpr std::int32_t kSlopeRidge = 4;
 // Evidence of one column counts for at most this much information (1/cells^2), Q4.
 constexpr std::int64_t kSlopeWeightCap_q4 = 63;
 
@@ -42,20 +43,26 @@ struct RadiusRow {
 constexpr std::int64_t kEntriesPerUnit_q10 = 27079;  // kProfileSteps / 4.84
 constexpr std::uint32_t kProfileEnd_q12 = static_cast<std::uint32_t>(kProfileSteps) << 12U;
 
-std::uint32_t radius_second_difference_q12(std::int64_t xi_de_q16, std::int64_t eta_de_q16) {
-  const std::int64_t twice_q32 = 2 * (xi_de_q16 * xi_de_q16 + eta_de_q16 * eta_de_q16);
-  return static_cast<std::uint32_t>(((twice_q32 >> 8) * kEntriesPerUnit_q10 + (1 << 21)) >> 22);
+constexpr std::int64_t square_q32(std::int32_t a_q16, std::int32_t b_q16) {
+  return std::int64_t{a_q16} * a_q16 + std::int64_t{b_q16} * b_q16;
 }
 
-RadiusRow radius_row(std::int64_t xi_q16, std::int64_t eta_q16, std::int64_t xi_de_q16,
-                     std::int64_t eta_de_q16) {
+// Of rows whose coordinates change by so much a column: 2 |step|^2.
+std::uint32_t radius_second_difference_q12(std::int64_t step_squared_q32) {
+  return static_cast<std::uint32_t>(
+      (((2 * step_squared_q32) >> 8) * kEntriesPerUnit_q10 + (1 << 21)) >> 22);
+}
+
+RadiusRow radius_row(std::int32_t xi_q16, std::int32_t eta_q16, std::int32_t xi_de_q16,
+                     std::int32_t eta_de_q16, std::int64_t step_squared_q32) {
   // Above zero by a few units, so that rounding never takes the centre below it.
   constexpr std::int64_t kMargin_q12 = 8;
-  const std::int64_t square_q32 = xi_q16 * xi_q16 + eta_q16 * eta_q16;
   const std::int64_t change_q32 =
-      xi_de_q16 * (2 * xi_q16 + xi_de_q16) + eta_de_q16 * (2 * eta_q16 + eta_de_q16);
+      2 * (std::int64_t{xi_de_q16} * xi_q16 + std::int64_t{eta_de_q16} * eta_q16) +
+      step_squared_q32;
   return RadiusRow{
-      static_cast<std::uint32_t>((((square_q32 >> 8) * kEntriesPerUnit_q10) >> 22) + kMargin_q12),
+      static_cast<std::uint32_t>(
+          (((square_q32(xi_q16, eta_q16) >> 8) * kEntriesPerUnit_q10) >> 22) + kMargin_q12),
       static_cast<std::uint32_t>(((change_q32 >> 8) * kEntriesPerUnit_q10) >> 22)};
 }
 
@@ -87,10 +94,10 @@ PingResult Model::sight(const base::Ping& ping, const base::Pose& pose, Sighting
     }
     sighting.origin_q16[axis] =
         static_cast<std::int32_t>(mul_shift(offset_um, sensor_->scale.inverse_cell_q46, 30));
-    const auto sigma_mm = static_cast<std::int64_t>(
-        min_of<std::uint32_t>(pose.covariance.sigma_position_mm[axis], 1'000'000'000U));
-    const std::int64_t sigma_q12 =
-        min_of<std::int64_t>((sigma_mm * 1000 << 12) / sensor_->scale.cell_um, 1 << 20);
+    const std::uint64_t sigma_mm =
+        min_of<std::uint32_t>(pose.covariance.sigma_position_mm[axis], 1'000'000'000U);
+    const std::int64_t sigma_q12 = base::limited_quotient_u32(
+        sigma_mm * (1000U << 12U), static_cast<std::uint32_t>(sensor_->scale.cell_um), 1U << 20U);
     sighting.position_variance_q12[axis] = mul_shift(sigma_q12, sigma_q12, 12);
   }
   if (ping.kind == base::ReturnKind::kProfile) {
@@ -165,68 +172,77 @@ Model::SlopePlace Model::slope_place(const BeamFrame& frame, const Sighting& sig
   return SlopePlace{centre_n, centre_e, stride};
 }
 
+void Model::read_for_slope(std::uint32_t index) {
+  ColumnRecord& record = grid_.column(index);
+  const ColumnDepth column = depth_of(index, DepthMethod::kRobustMoment);
+  ++counters_.column_extractions;
+  ++work_.columns_read;
+  grid_.tile(index >> 8U).flags |= kTileSideChanged;
+  record.depth_q8 = column.depth_q8;
+  record.mass = column.mass;
+  record.gain = 0;
+  // mass / 255 events of variance min_variance: information in 1/cells^2, Q4.
+  record.slope_weight_q4 = static_cast<std::uint8_t>(clamp<std::int64_t>(
+      base::quotient(static_cast<std::int64_t>(record.mass) << 8, sensor_->scale.min_variance_q12),
+      1, kSlopeWeightCap_q4));
+}
+
 Slope Model::estimate_slope(const BeamFrame& frame, const Sighting& sighting) {
   const SlopePlace place = slope_place(frame, sighting);
   const std::int32_t centre_n = place.north;
   const std::int32_t centre_e = place.east;
   const std::int32_t stride = place.stride;
 
-  // Weighted least squares of a plane through up to nine columns; depths relative to the first.
-  std::int64_t s = 0;
-  std::int64_t sn = 0;
-  std::int64_t se = 0;
-  std::int64_t sz = 0;
-  std::int64_t snn = 0;
-  std::int64_t sne = 0;
-  std::int64_t see = 0;
-  std::int64_t snz = 0;
-  std::int64_t sez = 0;
+  // Weighted least squares of a plane through up to nine columns; depths relative to the first. Weights have 8 bits,
+  // depths in Q8 less than 19: sums of their products less than 31.
+  const std::int32_t north_cells = sensor_->scale.size[0];
+  const std::int32_t east_cells = sensor_->scale.size[1];
+  std::int32_t weight_of_row[3] = {};
+  std::int32_t weight_of_file[3] = {};
+  std::int32_t moment_of_row[3] = {};
+  std::int32_t moment_of_file[3] = {};
+  std::int32_t twist = 0;
   std::int32_t reference_q8 = kUnknownDepth;
-  for (std::int32_t i = -1; i <= 1; ++i) {
-    for (std::int32_t j = -1; j <= 1; ++j) {
-      const std::int32_t n = centre_n + i * stride;
-      const std::int32_t e = centre_e + j * stride;
-      if (n < 0 || e < 0 || n >= sensor_->scale.size[0] || e >= sensor_->scale.size[1]) {
+  for (std::int32_t i = 0; i < 3; ++i) {
+    const std::int32_t n = centre_n + (i - 1) * stride;
+    for (std::int32_t j = 0; j < 3; ++j) {
+      const std::int32_t e = centre_e + (j - 1) * stride;
+      if (n < 0 || e < 0 || n >= north_cells || e >= east_cells) {
         continue;
       }
       const std::uint32_t index = grid_.column_index(n, e);
       ColumnRecord& record = grid_.column(index);
       if (record.gain > (kRegrowth - 1) * record.mass) {
-        const ColumnDepth column = depth_of(index, DepthMethod::kRobustMoment);
-        ++counters_.column_extractions;
-        ++work_.columns_read;
-        grid_.tile(index >> 8U).flags |= kTileSideChanged;
-        record.depth_q8 = column.depth_q8;
-        record.mass = column.mass;
-        record.gain = 0;
-        // mass / 255 events of variance min_variance: information in 1/cells^2, Q4.
-        record.slope_weight_q4 = static_cast<std::uint8_t>(clamp<std::int64_t>(
-            (static_cast<std::int64_t>(record.mass) << 8) / sensor_->scale.min_variance_q12, 1,
-            kSlopeWeightCap_q4));
+        read_for_slope(index);
       }
       if (record.depth_q8 == kUnknownDepth) {
         continue;
       }
       reference_q8 = reference_q8 == kUnknownDepth ? record.depth_q8 : reference_q8;
-      const std::int64_t weight = record.slope_weight_q4;
-      const std::int64_t z = record.depth_q8 - reference_q8;
-      s += weight;
-      sn += weight * i;
-      se += weight * j;
-      sz += weight * z;
-      snn += weight * i * i;
-      sne += weight * i * j;
-      see += weight * j * j;
-      snz += weight * i * z;
-      sez += weight * j * z;
+      const std::int32_t weight = record.slope_weight_q4;
+      const std::int32_t moment = weight * (record.depth_q8 - reference_q8);
+      weight_of_row[i] += weight;
+      weight_of_file[j] += weight;
+      moment_of_row[i] += moment;
+      moment_of_file[j] += moment;
+      twist += weight * ((i - 1) * (j - 1));
     }
   }
+  const std::int64_t s = weight_of_row[0] + weight_of_row[1] + weight_of_row[2];
   if (s == 0) {
     return Slope{0, 0};
   }
+  const std::int64_t sn = weight_of_row[2] - weight_of_row[0];
+  const std::int64_t se = weight_of_file[2] - weight_of_file[0];
+  const std::int64_t sz = moment_of_row[0] + moment_of_row[1] + moment_of_row[2];
+  const std::int64_t snn = weight_of_row[0] + weight_of_row[2];
+  const std::int64_t sne = twist;
+  const std::int64_t see = weight_of_file[0] + weight_of_file[2];
+  const std::int64_t snz = moment_of_row[2] - moment_of_row[0];
+  const std::int64_t sez = moment_of_file[2] - moment_of_file[0];
   // Centred moments times s; the ridge (Q4 information per cell^2) in units of stride^2.
-  const std::int64_t stride2 = static_cast<std::int64_t>(stride) * stride;
-  const std::int64_t ridge = max_of<std::int64_t>(1, s * kSlopeRidge * 16 / stride2);
+  const std::int64_t ridge =
+      max_of(1, static_cast<std::int32_t>(s) * kSlopeRidge * 16 / (stride * stride));
   const std::int64_t cnn = s * snn - sn * sn + ridge;
   const std::int64_t cee = s * see - se * se + ridge;
   const std::int64_t cne = s * sne - sn * se;
@@ -305,77 +321,93 @@ inline void note_evidence(ColumnRecord& record, std::uint32_t weight_q7, std::ui
 
 }  // namespace
 
-// One row of a shell; the place in the grid is looked up once per tile.
+// The rows of a shell; the place in the grid is looked up once per tile. Returns a column to look at for saturation,
+// or none.
 template <bool kTwoAxis>
-Model::RowTotals Model::add_shell_row(const ShellEvent& event, const ShellContext& context,
-                                      std::int32_t n) {
+std::uint32_t Model::add_shell_rows(const ShellEvent& event, const ShellContext& context) {
   const ShellContext shell = context;
-  RowTotals totals{0, 0, kNoColumn};
-  const std::int32_t row = n - event.north0;
-  std::int32_t xi = event.xi0_q16 + row * event.xi_dn_q16;
-  std::int32_t eta = event.eta0_q16 + row * event.eta_dn_q16;
-  std::int32_t depth = event.depth0_q16 + row * event.depth_dn_q16;
+  std::uint32_t rescale_candidate = kNoColumn;
+  std::uint32_t all_voxels = 0;
+  std::uint32_t all_columns = 0;
   const std::int32_t xi_step = event.xi_de_q16;
   const std::int32_t eta_step = event.eta_de_q16;
   const std::int32_t depth_step = event.depth_de_q16;
-  RadiusRow radius{};
-  std::uint32_t bend = 0;
-  if (!kTwoAxis) {
-    radius = radius_row(xi, eta, xi_step, eta_step);
-    bend = radius_second_difference_q12(xi_step, eta_step);
-  }
-  // Dither follows the place in the grid, not in storage: the map must not depend on paging.
-  std::uint32_t dither =
-      shell.seed + static_cast<std::uint32_t>(n * kMaxSideCells + event.east0) * kColumnDither;
+  const std::int32_t east0 = event.east0;
   const std::int32_t east1 = event.east1;
-  std::int32_t e = event.east0;
-  while (e <= east1) {
-    const std::uint32_t base = grid_.column_index(n, e & ~(kTileCells - 1));
-    const std::uint32_t first = base + static_cast<std::uint32_t>(e & (kTileCells - 1));
-    Voxel* voxels = grid_.column_voxels(first);
-    ColumnRecord* record = &grid_.column(first);
-    const std::int32_t end = min_of(e | (kTileCells - 1), east1);
-    const std::uint32_t columns_before = totals.columns;
-    const TileId tile = grid_.tile_of(n, e);
-    for (; e <= end; ++e, ++record) {
-      Voxel* const column_voxels = voxels;
-      const std::int32_t column_depth_q16 = depth;
-      const std::uint32_t column_dither = dither;
-      voxels += shell.depth_cells;
-      depth += depth_step;
-      dither += kColumnDither;
-      std::uint32_t lateral_q15 = 0;
-      if (kTwoAxis) {
-        lateral_q15 = two_axis_weight_q15(shell.along, shell.across, xi, eta);
-        xi += xi_step;
-        eta += eta_step;
-      } else {
-        const std::uint32_t at_q12 = radius.value_q12;
-        radius.value_q12 += radius.step_q12;
-        radius.step_q12 += bend;
-        lateral_q15 = at_q12 < kProfileEnd_q12 ? shell.along[at_q12 >> 12U] : 0U;
-      }
-      const std::uint32_t weight_q7 = (shell.weight_q7 * lateral_q15) >> 15U;
-      if (weight_q7 == 0) {
-        continue;
-      }
-      const std::int32_t count =
-          add_shell_column(shell, column_voxels, column_depth_q16, weight_q7, column_dither);
-      if (count == 0) {
-        continue;
-      }
-      totals.voxels += static_cast<std::uint32_t>(count);
-      ++totals.columns;
-      note_evidence(*record, weight_q7, shell.now_ds, shell.blur_q8);
-      if (record->unchecked > kRescaleCheck) {
-        totals.rescale_candidate = base + static_cast<std::uint32_t>(e & (kTileCells - 1));
-      }
+  const std::int64_t step_squared_q32 = square_q32(xi_step, eta_step);
+  const std::uint32_t bend = kTwoAxis ? 0 : radius_second_difference_q12(step_squared_q32);
+  const std::uint32_t column_dither = of_32_bits(kColumnDither);
+  std::int32_t row_xi = event.xi0_q16;
+  std::int32_t row_eta = event.eta0_q16;
+  std::int32_t row_depth = event.depth0_q16;
+  for (std::int32_t n = event.north0; n <= event.north1; ++n) {
+    std::int32_t xi = row_xi;
+    std::int32_t eta = row_eta;
+    std::int32_t depth = row_depth;
+    RadiusRow radius{};
+    if (!kTwoAxis) {
+      radius = radius_row(xi, eta, xi_step, eta_step, step_squared_q32);
     }
-    if (totals.columns != columns_before) {
-      grid_.touch(tile, ping_number_);
+    // Dither follows the place in the grid, not in storage: the map must not depend on paging.
+    std::uint32_t dither =
+        shell.seed + static_cast<std::uint32_t>(n * kMaxSideCells + east0) * column_dither;
+    std::int32_t e = east0;
+    while (e <= east1) {
+      const std::uint32_t first = grid_.column_index(n, e);
+      Voxel* voxels = grid_.column_voxels(first);
+      ColumnRecord* record = &grid_.column(first);
+      const std::int32_t end = min_of(e | (kTileCells - 1), east1);
+      const ColumnRecord* const record_end = record + (end - e + 1);
+      std::uint32_t columns = 0;
+      for (; record < record_end; ++record) {
+        Voxel* const column_voxels = voxels;
+        const std::int32_t column_depth_q16 = depth;
+        const std::uint32_t place_dither = dither;
+        voxels += shell.depth_cells;
+        depth += depth_step;
+        dither += column_dither;
+        std::uint32_t lateral_q15 = 0;
+        if (kTwoAxis) {
+          lateral_q15 = two_axis_weight_q15(shell.along, shell.across, xi, eta);
+          xi += xi_step;
+          eta += eta_step;
+        } else {
+          const std::uint32_t at_q12 = radius.value_q12;
+          radius.value_q12 += radius.step_q12;
+          radius.step_q12 += bend;
+          lateral_q15 = at_q12 < kProfileEnd_q12 ? shell.along[at_q12 >> 12U] : 0U;
+        }
+        const std::uint32_t weight_q7 = (shell.weight_q7 * lateral_q15) >> 15U;
+        if (weight_q7 == 0) {
+          continue;
+        }
+        const std::int32_t count =
+            add_shell_column(shell, column_voxels, column_depth_q16, weight_q7, place_dither);
+        if (count == 0) {
+          continue;
+        }
+        all_voxels += static_cast<std::uint32_t>(count);
+        ++columns;
+        note_evidence(*record, weight_q7, shell.now_ds, shell.blur_q8);
+        if (record->unchecked > kRescaleCheck) {
+          rescale_candidate = first + static_cast<std::uint32_t>(end - e + 1) -
+                              static_cast<std::uint32_t>(record_end - record);
+        }
+      }
+      if (columns != 0) {
+        all_columns += columns;
+        grid_.touch(first >> 8U, ping_number_);
+      }
+      e = end + 1;
     }
+    row_xi += event.xi_dn_q16;
+    row_eta += event.eta_dn_q16;
+    row_depth += event.depth_dn_q16;
   }
-  return totals;
+  voxels_this_ping_ += all_voxels;
+  counters_.columns_updated += all_columns;
+  work_.shell_columns += all_columns;
+  return rescale_candidate;
 }
 
 void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
@@ -398,20 +430,12 @@ void Model::add_shell_event(const ShellEvent& event, std::uint32_t now_ds) {
     shell.against_q15 = kEmptyRho_q15[range_entry(sensor_->scale, event.empty_range_q10)];
     shell.pull_signal_q16 = 65535U - 2U * shell.against_q15;
   }
-  const bool two_axis = sensor_->table.two_axis != 0;
-  std::uint32_t rescale_candidate = kNoColumn;
   work_.shell_rows = static_cast<std::uint32_t>(event.north1 - event.north0 + 1);
   work_.shell_candidates =
       work_.shell_rows * static_cast<std::uint32_t>(event.east1 - event.east0 + 1);
-  for (std::int32_t n = event.north0; n <= event.north1; ++n) {
-    const RowTotals row =
-        two_axis ? add_shell_row<true>(event, shell, n) : add_shell_row<false>(event, shell, n);
-    voxels_this_ping_ += row.voxels;
-    counters_.columns_updated += row.columns;
-    work_.shell_columns += row.columns;
-    rescale_candidate =
-        row.rescale_candidate == kNoColumn ? rescale_candidate : row.rescale_candidate;
-  }
+  const std::uint32_t rescale_candidate = sensor_->table.two_axis != 0
+                                              ? add_shell_rows<true>(event, shell)
+                                              : add_shell_rows<false>(event, shell);
   work_.shell_voxels = voxels_this_ping_;
   // Pulled voxels cannot saturate: nothing to rescale.
   if (rescale_candidate != kNoColumn && !is_pulling(config_.rule)) {
@@ -491,7 +515,7 @@ ShellEvent Model::add_return(const base::Ping& ping, const BeamFrame& frame,
   const Slope slope = estimate_slope(frame, sighting);
   ShellEvent event = make_shell(sensor_->scale, sensor_->table, frame, sighting, slope);
   event.weight_q7 = (event.weight_q7 * min_of(share_q8, kWholeShare_q8)) >> 8U;
-  add_shell_event(event, static_cast<std::uint32_t>(ping.t_transmit_us / 100'000));
+  add_shell_event(event, static_cast<std::uint32_t>(base::quotient(ping.t_transmit_us, 100'000)));
   return event;
 }
 

@@ -221,15 +221,11 @@ class Model {
   [[nodiscard]] bool has_slope_tiles(const BeamFrame& frame, const Sighting& sighting);
   [[nodiscard]] bool has_return_tiles(const BeamFrame& frame, const Sighting& sighting, bool cone);
   void prefetch_columns(const BeamFrame& frame, const Sighting& sighting) const;
+  void read_for_slope(std::uint32_t index);
   [[nodiscard]] Slope estimate_slope(const BeamFrame& frame, const Sighting& sighting);
   struct ShellContext;
-  struct RowTotals {
-    std::uint32_t voxels;
-    std::uint32_t columns;
-    std::uint32_t rescale_candidate;  // index of a column to look at for saturation, or none
-  };
   template <bool kTwoAxis>
-  RowTotals add_shell_row(const ShellEvent& event, const ShellContext& context, std::int32_t n);
+  [[nodiscard]] std::uint32_t add_shell_rows(const ShellEvent& event, const ShellContext& context);
   [[nodiscard]] ShellEvent add_return(const base::Ping& ping, const BeamFrame& frame,
                                       const Sighting& sighting, std::uint32_t share_q8);
   void add_shell_event(const ShellEvent& event, std::uint32_t now_ds);

@@ -161,6 +161,10 @@ template <ConeForm kForm>
       sum_with_product(sum_with_product(15, b_q20 * 4, b_q20 * 4), cone.minus_a_q24, c_low);
   const auto disc16_high =
       static_cast<std::int32_t>(static_cast<std::uint32_t>(words >> 32) + minus_a * c_high);
+  // Outside, of a cone that holds no vertical.
+  if (!kUpright && disc16_high < 0) {
+    return CellRange{0, -1};
+  }
   // The transducer inside of the column, or hardly outside: rare.
   if (c_q20 < 0 || disc16_high < 16) {
     return plain_cells_otherwise(cone, x, y, deepest);

@@ -82,7 +82,8 @@ std::int32_t ratio(std::int64_t numerator, std::int64_t denominator, int shift) 
     shift = 0;
   }
   n <<= static_cast<unsigned>(up);
-  std::uint64_t q = n / d;
+  // 2^32 and more is beyond the limit below, whatever it is.
+  std::uint64_t q = (n >> 32U) >= d ? 1ULL << 32U : quotient_u32(n, static_cast<std::uint32_t>(d));
   const int rest = shift - up;
   if (rest > 0) {
     q = rest >= leading_zeros64(q) ? 0x7FFFFFFFFFFFFFFFULL : q << static_cast<unsigned>(rest);

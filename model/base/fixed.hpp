@@ -64,12 +64,40 @@ template <typename T>
   }
   return quotient;
 }
-/// The same by what is fastest: on 32-bit machines 64-bit division is a loop of the compiler's library.
+/// The same by what is fastest: on 32-bit machines 64-bit division is a function of the compiler's library that makes
+/// both digits of whatever it is given, in sixty instructions.
 [[nodiscard]] constexpr std::uint32_t quotient_u32(std::uint64_t numerator, std::uint32_t divisor) {
   if constexpr (sizeof(void*) > 4) {
     return static_cast<std::uint32_t>(numerator / divisor);
   }
-  return quotient_by_digits_u32(numerator, divisor);
+  return (numerator >> 32U) == 0 ? static_cast<std::uint32_t>(numerator) / divisor
+                                 : quotient_by_digits_u32(numerator, divisor);
+}
+/// min(numerator / divisor, limit), 0 < divisor.
+[[nodiscard]] constexpr std::uint32_t limited_quotient_u32(std::uint64_t numerator,
+                                                           std::uint32_t divisor,
+                                                           std::uint32_t limit) {
+  return (numerator >> 32U) >= divisor ? limit : min_of(quotient_u32(numerator, divisor), limit);
+}
+/// numerator / divisor by words, where their sizes fit; divisor not 0.
+[[nodiscard]] constexpr std::int64_t quotient_by_words(std::int64_t numerator,
+                                                       std::int64_t divisor) {
+  const auto size = [](std::int64_t value) {
+    return value < 0 ? 0 - static_cast<std::uint64_t>(value) : static_cast<std::uint64_t>(value);
+  };
+  const std::uint64_t n = size(numerator);
+  const std::uint64_t d = size(divisor);
+  const bool fits = (d >> 32U) == 0 && (n >> 32U) < d;
+  const auto q =
+      static_cast<std::int64_t>(fits ? quotient_u32(n, static_cast<std::uint32_t>(d)) : n / d);
+  return (numerator ^ divisor) < 0 ? -q : q;
+}
+/// numerator / divisor by what is fastest.
+[[nodiscard]] constexpr std::int64_t quotient(std::int64_t numerator, std::int64_t divisor) {
+  if constexpr (sizeof(void*) > 4) {
+    return numerator / divisor;
+  }
+  return quotient_by_words(numerator, divisor);
 }
 
 /// floor(value / 2^16) of a Q16 number.

@@ -67,6 +67,32 @@ TEST(quotient_u32_is_the_quotient) {
   }
 }
 
+TEST(quotients_of_64_bits_are_what_the_language_makes_of_them) {
+  Random random(6);
+  const auto any = [&random] {
+    const auto size =
+        static_cast<std::int64_t>(random.next() >> static_cast<unsigned>(random.between(1, 63)));
+    return random.between(0, 1) == 0 ? size : -size;
+  };
+  for (int i = 0; i < 300'000; ++i) {
+    const std::int64_t numerator = any();
+    const std::int64_t divisor = any();
+    if (divisor == 0) {
+      continue;
+    }
+    assert_true(quotient_by_words(numerator, divisor) == numerator / divisor);
+    assert_true(quotient(numerator, divisor) == numerator / divisor);
+    const auto n = static_cast<std::uint64_t>(numerator < 0 ? -numerator : numerator);
+    const auto d = static_cast<std::uint32_t>(divisor) | 1U;
+    const auto limit = static_cast<std::uint32_t>(random.next());
+    assert_true(limited_quotient_u32(n, d, limit) == std::min<std::uint64_t>(n / d, limit));
+  }
+  constexpr std::int64_t kLeast = std::numeric_limits<std::int64_t>::min();
+  assert_true(quotient_by_words(kLeast, 3) == kLeast / 3);
+  assert_true(quotient_by_words(kLeast, kLeast) == 1);
+  assert_true(quotient_by_words(5, kLeast) == 0);
+}
+
 TEST(sqrt_u32_is_within_its_stated_error) {
   assert_int_equal(sqrt_u32(0), 0);
   // "exact for squares below 2^16".

@@ -312,4 +312,24 @@ TEST(reading_a_column_changes_nothing) {
   assert_memory_equal(before.data(), column.voxels.data(), before.size() * sizeof(Voxel));
 }
 
+TEST(cells_without_hits_only_move_a_depth) {
+  // Where evidence lies in the column decides nothing else, as long as no window meets its ends.
+  constexpr std::int32_t kMiddle = 60;
+  for (std::int32_t above = 0; above <= 40; ++above) {
+    const auto column_of = [above](double middle) {
+      Column column(3 * kMiddle + above);
+      column.surface(middle, 1.5, 900).surface(middle + 20, 2, 700);
+      column.empty(0, static_cast<std::size_t>(middle) + 1, 30);
+      return column;
+    };
+    const ColumnDepth before = column_of(kMiddle + 0.3).read();
+    const ColumnDepth after = column_of(kMiddle + 0.3 + above).read();
+    assert_int_equal(after.depth_q8, before.depth_q8 + 256 * above);
+    assert_int_equal(after.mass, before.mass);
+    assert_int_equal(after.support_q4, before.support_q4);
+    assert_true(after.multi_surface == before.multi_surface);
+    assert_true(before.multi_surface);
+  }
+}
+
 }  // namespace

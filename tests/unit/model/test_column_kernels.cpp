@@ -269,6 +269,34 @@ TEST(column_profiles_in_vector_and_scalar_form_are_the_same) {
   }
 }
 
+TEST(a_hit_span_is_from_the_first_hit_to_the_last) {
+  Random random(14);
+  for (int trial = 0; trial < 4000; ++trial) {
+    const auto depth = static_cast<std::size_t>(random.between(1, 100));
+    // All misses, and hits in the next column.
+    std::vector<Voxel> voxels(depth + kSlack, Voxel{0, 0xFFFF});
+    for (std::size_t i = depth; i < voxels.size(); ++i) {
+      voxels[i].hit = static_cast<std::uint16_t>(random_half(random) | 1U);
+    }
+    std::size_t first = depth;
+    std::size_t end = 0;
+    for (std::int64_t hits = random.between(0, 3); hits > 0; --hits) {
+      const auto at =
+          static_cast<std::size_t>(random.between(0, static_cast<std::int64_t>(depth) - 1));
+      voxels[at].hit = static_cast<std::uint16_t>(random_half(random) | 1U);
+      first = std::min(first, at);
+      end = std::max(end, at + 1);
+    }
+    const HitSpan span = hit_span(voxels.data(), static_cast<std::int32_t>(depth));
+    if (first >= end) {
+      assert_true(span.first >= span.end);
+    } else {
+      assert_int_equal(span.first, first);
+      assert_int_equal(span.end, end);
+    }
+  }
+}
+
 TEST(every_voxel_value_saturates_as_wide_arithmetic_does) {
   constexpr std::uint32_t kWeights[] = {0,    1,     2,     3,     63,    64,   127,
                                         128,  129,   255,   256,   1000,  4095, 4096,
