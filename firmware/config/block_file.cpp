@@ -162,8 +162,9 @@ std::string compile_block(const VehicleFile& file,
                           std::uint32_t session, const std::string& name) {
   if (!file.tide_path.empty()) {
     throw HostError(ExitCode::kUsage,
-                    name + ": [navigation] tide_file = " + printable(file.tide_path) +
-                        ": its lines are of UTC, and a vehicle without files has no clock of the "
+                    name + ":" + std::to_string(file.tide_line) + ": [navigation] tide_file = \"" +
+                        printable(file.tide_path) +
+                        "\": its lines are of UTC, and a vehicle without files has no clock of the "
                         "day; give tide_m");
   }
   ConfigBlock block{};

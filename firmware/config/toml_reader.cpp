@@ -80,6 +80,8 @@ std::size_t line_of_escaped_tilde(std::string_view text) {
   return 0;
 }
 
+constexpr std::size_t kLongestPath_bytes = 4095;  // Linux takes no longer one
+
 std::string value_text(const toml::node& node) {
   if (const auto* const text = node.as_string()) {
     return "\"" + printable(from_ascii(text->get()), 60) + "\"";
@@ -361,8 +363,10 @@ bool TomlSection::read_path(const char* key, const std::string& base_dir,
   }
   const auto* const string = as_node(node)->as_string();
   const std::string text = string != nullptr ? from_ascii(string->get()) : "";
-  if (text.empty() || text.find('\0') != std::string::npos) {
-    refuse_node(node, key, "has to be the name of a file");
+  if (text.empty() || text.size() > kLongestPath_bytes || has_control_characters(text)) {
+    refuse_node(node, key,
+                "has to be the name of a file, at most " + std::to_string(kLongestPath_bytes) +
+                    " bytes, without control characters");
     return false;
   }
   const std::filesystem::path file(text);

@@ -83,7 +83,7 @@ class TomlSection {
   }
   /// UTF-8 text of at most `max_bytes` without control characters.
   bool read_text(const char* key, std::size_t max_bytes, std::string* value) const;
-  /// Name of a file, not empty; a relative one is relative to `base_dir` ("" leaves it as it is).
+  /// Name of a file, not empty, of at most 4095 bytes without control characters; a relative one is relative to `base_dir` ("" leaves it as it is).
   bool read_path(const char* key, const std::string& base_dir, std::string* value) const;
 
   /// A finding at the line of `key`, which must be there: "[table] key = value: why".

@@ -162,6 +162,7 @@ void read_tide(const TomlSection& section, const std::string& base_dir, VehicleF
     water.tide[0] = {0, tide_mm};
   }
   section.read_path("tide_file", base_dir, &file->tide_path);
+  file->tide_line = section.line("tide_file");
   if (section.has("tide_m") && section.has("tide_file")) {
     section.find("tide_file", "tide_m and tide_file say the same: give one of them");
   }
@@ -387,6 +388,17 @@ void read_log(TomlReader* reader, const std::string& base_dir, VehicleFile* file
   }
 }
 
+std::int64_t tile_voxels(std::int64_t depth_cells) {
+  return std::int64_t{model::kTileCells} * model::kTileCells * depth_cells;
+}
+
+/// Pages of the model's memory; one more is the blank one of absent tiles.
+std::uint32_t most_window_tiles(std::int64_t depth_cells) {
+  const std::int64_t pages =
+      std::int64_t{model::kVoxelCapacity} / std::max<std::int64_t>(tile_voxels(depth_cells), 1);
+  return static_cast<std::uint32_t>(std::max<std::int64_t>(pages - 1, 0));
+}
+
 void read_store(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
   const TomlSection section = reader->section("store");
   if (!section.exists()) {
@@ -397,8 +409,18 @@ void read_store(TomlReader* reader, const std::string& base_dir, VehicleFile* fi
   }
   section.read_path("path", base_dir, &file->store.path);
   constexpr double kLeastWindow_tiles = 9;
-  section.read_integer("window_tiles", {kLeastWindow_tiles, double{model::kTileCapacity}},
-                       &file->store.window_tiles);
+  const std::int64_t depth_cells = file->grid.size[2];
+  const std::uint32_t most_tiles = most_window_tiles(depth_cells);
+  if (most_tiles == 0 && section.has("path")) {
+    section.refuse("path", "no store: memory does not hold one tile of " +
+                               std::to_string(tile_voxels(depth_cells)) + " voxels");
+  }
+  if (section.read_integer("window_tiles", {kLeastWindow_tiles, double{model::kTileCapacity}},
+                           &file->store.window_tiles) &&
+      file->store.window_tiles > most_tiles) {
+    section.refuse("window_tiles", "memory holds " + std::to_string(most_tiles) + " tiles of " +
+                                       std::to_string(tile_voxels(depth_cells)) + " voxels");
+  }
 }
 
 void read_commands(TomlReader* reader, const std::string& base_dir, VehicleFile* file) {
@@ -417,7 +439,7 @@ void read_commands(TomlReader* reader, const std::string& base_dir, VehicleFile*
 }
 
 /// The window that [store] asks for, or as many tiles as fit.
-void set_window(VehicleFile* file, const std::string& name) {
+void set_window(VehicleFile* file) {
   if (file->store.path.empty()) {
     return;
   }
@@ -426,18 +448,9 @@ void set_window(VehicleFile* file, const std::string& name) {
     return static_cast<std::uint32_t>((model.size[axis] + model::kTileCells - 1) /
                                       model::kTileCells);
   };
-  const std::uint32_t tile_voxels =
-      static_cast<std::uint32_t>(model::kTileCells * model::kTileCells * model.size[2]);
-  // One more page is the blank one of absent tiles.
-  const std::uint32_t room = model::kVoxelCapacity / tile_voxels;
-  const std::uint32_t fits = std::min(tiles(0) * tiles(1), room > 0 ? room - 1 : 0);
   const auto asked = static_cast<std::uint32_t>(file->store.window_tiles);
-  if (fits == 0 || asked > room - 1) {
-    throw HostError(ExitCode::kUsage, name + ": [store] window_tiles: memory holds " +
-                                          std::to_string(room > 0 ? room - 1 : 0) + " tiles of " +
-                                          std::to_string(tile_voxels) + " voxels");
-  }
-  model.resident_tiles = asked != 0 ? asked : fits;
+  model.resident_tiles =
+      asked != 0 ? asked : std::min(tiles(0) * tiles(1), most_window_tiles(model.size[2]));
   file->store.window_tiles = model.resident_tiles;
   file->config.has_store = 1;
 }
@@ -611,7 +624,7 @@ VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
   file.config.sound_speed_mm_s = static_cast<std::int32_t>(file.ranges.sound_speed_mm_s);
   file.config.model = to_model_config(file.grid, file.ranges, file.sigmas, file.model, name,
                                       !file.store.path.empty());
-  set_window(&file, name);
+  set_window(&file);
   file.config.model.work_budget_voxels = file.ping_voxel_budget;
   return file;
 }

@@ -53,6 +53,7 @@ struct VehicleFile {
   std::vector<std::string> mount_names;  ///< parallel to config.mounts
   std::vector<std::string> table_paths;  ///< parallel to table numbers; resolved
   std::string tide_path;                 ///< [navigation] tide_file; see tide_file.hpp. "": none
+  std::uint32_t tide_line = 0;           ///< where that stands
   LogConfig log;
   StoreConfig store;
   CommandsConfig commands;

@@ -1,11 +1,13 @@
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "firmware/config/exit_codes.hpp"
 #include "firmware/config/vehicle_file.hpp"
 #include "firmware/pipeline/driver_codecs.hpp"
+#include "model/capacity.hpp"
 #include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
@@ -327,17 +329,9 @@ TEST(numbers_come_back_as_they_were_written) {
   assert_contains(text, "sigma_heading_deg = 2\n");
 }
 
-TEST(the_example_is_good_and_shows_every_key) {
+/// The example with every comment that shows a key turned into that key.
+std::string complete_example() {
   const std::string text = vehicle_example();
-  const VehicleFile file = parse(text);
-  assert_int_equal(file.config.port_count, 4);
-  assert_int_equal(file.config.ports[1].mount, 1);
-  std::ifstream stream(leadline::test::source_directory() + "/firmware/vehicle.example.toml");
-  const std::string on_disk((std::istreambuf_iterator<char>(stream)),
-                            std::istreambuf_iterator<char>());
-  assert_true(on_disk == text);
-  // With every comment that shows a key turned into that key it is good still: the defaults and limits
-  // that it names are those of the code.
   std::string all;
   std::size_t at = 0;
   while (at < text.size()) {
@@ -350,7 +344,21 @@ TEST(the_example_is_good_and_shows_every_key) {
     all += "\n";
     at = end + 1;
   }
-  const VehicleFile complete = parse(all);
+  return all;
+}
+
+TEST(the_example_is_good_and_shows_every_key) {
+  const std::string text = vehicle_example();
+  const VehicleFile file = parse(text);
+  assert_int_equal(file.config.port_count, 4);
+  assert_int_equal(file.config.ports[1].mount, 1);
+  std::ifstream stream(leadline::test::source_directory() + "/firmware/vehicle.example.toml");
+  const std::string on_disk((std::istreambuf_iterator<char>(stream)),
+                            std::istreambuf_iterator<char>());
+  assert_true(on_disk == text);
+  // With every comment that shows a key turned into that key it is good still: the defaults and limits
+  // that it names are those of the code.
+  const VehicleFile complete = parse(complete_example());
   assert_int_equal(complete.frame.epsg.value(), 32632);
   // Defaults shown are defaults taken: without the keys that have none the two are the same.
   VehicleFile same = complete;
@@ -363,7 +371,7 @@ TEST(the_example_is_good_and_shows_every_key) {
   assert_string_equal(vehicle_file_to_toml(same).c_str(), vehicle_file_to_toml(file).c_str());
   // And nothing is missing: what is not in the example is named by nobody.
   const std::string resolved = vehicle_file_to_toml(complete);
-  at = 0;
+  std::size_t at = 0;
   while (at < resolved.size()) {
     const std::size_t end = resolved.find('\n', at);
     const std::string line = resolved.substr(at, end - at);
@@ -375,16 +383,27 @@ TEST(the_example_is_good_and_shows_every_key) {
   }
 }
 
+/// Every driver that is built in, by name, with a file of all the keys that its port has.
+std::vector<std::pair<std::string, std::string>> files_of_drivers() {
+  std::vector<std::pair<std::string, std::string>> files;
+  for (const leadline::firmware::DriverInfo& info : leadline::firmware::kDrivers) {
+    if (leadline::firmware::driver_enabled(info.driver)) {
+      const std::string head = kGrid + kMount + kLink;
+      const std::string resolved = vehicle_file_to_toml(
+          parse(head + "[[port]]\nuri = \"udp:h:1\"\ndriver = \"" + info.name + "\"\n"));
+      const std::size_t port = resolved.find("[[port]]");
+      files.emplace_back(info.name,
+                         head + resolved.substr(port, resolved.find("\n[link]", port) - port + 1));
+    }
+  }
+  return files;
+}
+
 TEST(the_example_names_the_keys_of_every_driver) {
   const std::string example = vehicle_example();
-  for (const leadline::firmware::DriverInfo& info : leadline::firmware::kDrivers) {
-    if (!leadline::firmware::driver_enabled(info.driver)) {
-      continue;
-    }
-    assert_contains(example, info.name);
-    const std::string resolved = vehicle_file_to_toml(parse(
-        kGrid + kMount + kLink + "[[port]]\nuri = \"udp:h:1\"\ndriver = \"" + info.name + "\"\n"));
-    std::istringstream lines(resolved.substr(resolved.find("[[port]]")));
+  for (const auto& [name, file] : files_of_drivers()) {
+    assert_contains(example, name);
+    std::istringstream lines(file.substr(file.find("[[port]]")));
     for (std::string line; std::getline(lines, line);) {
       const std::size_t equals = line.find(" = ");
       if (equals != std::string::npos) {
@@ -515,6 +534,111 @@ TEST(every_key_that_is_wrong_is_named_with_line_and_value) {
   for (const Case& bad : cases) {
     assert_contains(error_of(bad.text), bad.message);
   }
+}
+
+/// A line `key = value` of a file, what is before and what behind it.
+struct KeyLine {
+  std::string before, section, key, value, behind;
+  int number;  ///< from 1
+};
+
+std::vector<KeyLine> key_lines(const std::string& text) {
+  std::vector<KeyLine> lines;
+  std::string section;
+  int number = 0;
+  for (std::size_t at = 0; at < text.size(); at = text.find('\n', at) + 1) {
+    const std::string line = text.substr(at, text.find('\n', at) - at);
+    ++number;
+    if (line[0] == '[') {
+      section = line.substr(0, line.rfind(']') + 1) + " ";
+    }
+    const std::size_t equals = line.find(" = ");
+    if (line[0] == '#' || line[0] == ' ' || equals == std::string::npos) {
+      continue;
+    }
+    const std::string value = line.substr(equals + 3, line.find(" #", equals) - equals - 3);
+    lines.push_back({text.substr(0, at), section, line.substr(0, equals),
+                     value.substr(0, value.find_last_not_of(' ') + 1),
+                     text.substr(at + line.size()), number});
+  }
+  return lines;
+}
+
+/// A wrong value, and how a message begins with it.
+struct Wrong {
+  std::string value, shown;
+};
+
+/// What cannot be in the place of this value.
+std::vector<Wrong> wrong_values(const std::string& value) {
+  if (value[0] == '[') {
+    return {{"3", "3: "}, {"\"x\"", "\"x\": "}, {"[1, 2]", "[ 1, 2 ]: "}};
+  }
+  if (value == "true" || value == "false") {
+    return {{"1", "1: "}, {"\"true\"", "\"true\": "}, {"nan", "nan: "}};
+  }
+  if (value[0] == '"') {
+    return {{"5", "5: "},
+            {"nan", "nan: "},
+            {"false", "false: "},
+            {"[\"a\"]", "[ 'a' ]: "},
+            {"\"a\\u0007b\"", "\"a\\x07b\": "},
+            {"\"" + std::string(5000, 'x') + "\"", "\"xxxxxxxx"}};
+  }
+  return {{"\"x\"", "\"x\": "}, {"true", "true: "},    {"[1, 2]", "[ 1, 2 ]: "}, {"nan", "nan: "},
+          {"-inf", "-inf: "},   {"1e300", "1e+300: "}, {"-1e300", "-1e+300: "}};
+}
+
+void assert_refused(const KeyLine& line, const std::string& replacement, int number,
+                    const std::string& message) {
+  const std::string place = "v.toml:" + std::to_string(number) + ": ";
+  const std::string error = error_of(line.before + replacement + line.behind);
+  if (error.find(place + message) == std::string::npos) {
+    fail_msg("%s\nis told as: %s\nwithout: %s%s", replacement.c_str(), error.c_str(), place.c_str(),
+             message.c_str());
+  }
+}
+
+void break_every_key(const std::string& text) {
+  (void)parse(text);
+  for (const KeyLine& line : key_lines(text)) {
+    const std::string key = line.section + line.key;
+    for (const Wrong& wrong : wrong_values(line.value)) {
+      assert_refused(line, line.key + " = " + wrong.value, line.number, key + " = " + wrong.shown);
+    }
+    for (const char* const element : {"\"x\"", "nan", "1e300", "-1e300"}) {
+      if (line.value[0] == '[') {
+        assert_refused(line, line.key + " = [1, " + element + ", 1]", line.number, key + "[1] = ");
+      }
+    }
+    assert_refused(line, line.key + "_ = " + line.value, line.number, key + "_: unknown key");
+    const std::string whole = line.key + " = " + line.value;
+    assert_refused(line, whole + "\n" + whole, line.number + 1, "not valid TOML: ");
+  }
+}
+
+TEST(every_key_of_the_example_broken_in_turn_is_named_with_line_and_value) {
+  const std::string all = complete_example();
+  assert_int_equal(key_lines(all).size(), 97);
+  break_every_key(all);
+  break_every_key(kSmallest + "baud = 9600\n");
+  break_every_key(kSmallest + "[navigation]\ntide_file = \"tide.csv\"\n");
+}
+
+TEST(every_key_of_every_driver_broken_in_turn_is_named_with_line_and_value) {
+  for (const auto& [name, file] : files_of_drivers()) {
+    break_every_key(file);
+  }
+}
+
+TEST(a_window_that_memory_does_not_hold_is_named_with_what_it_holds) {
+  const std::string deepest =
+      "[grid]\ncell_mm = 1000\nsize = [1024, 16, 1024]\norigin_mm = [0, 0, 0]\n";
+  const std::string store = "[store]\npath = \"map.llp\"\nwindow_tiles = 4000\n";
+  assert_contains(error_of(deepest + kMount + kPort + kLink + store),
+                  "v.toml:15: [store] window_tiles = 4000: memory holds " +
+                      std::to_string(leadline::model::kVoxelCapacity / 262'144 - 1) +
+                      " tiles of 262144 voxels");
 }
 
 TEST(two_mounts_and_a_head_that_names_none) {
