@@ -11,12 +11,17 @@ void add_monitor_command(CLI::App* app, CommandRun* run) {
   const auto options = std::make_shared<MonitorOptions>();
   CLI::App* const command = app->add_subcommand(
       "monitor", "Watch a vehicle's map and health in a browser, live or recorded");
+  CLI::Option* const map =
+      command
+          ->add_option("MAP", options->map_path,
+                       "A log or a capture, to be played; or a survey of a store: FILE.lls for the "
+                       "one saved last, FILE.lls#N")
+          ->type_name("FILE");
   command
       ->add_option("--link", options->link_uri,
-                   "udp:@:PORT, tcp:HOST:PORT, tcp:@:PORT, serial:PATH:BAUD; file:PATH plays a log "
-                   "or a capture")
+                   "udp:@:PORT, tcp:HOST:PORT, tcp:@:PORT, serial:PATH:BAUD; file:PATH is as FILE")
       ->type_name("URI")
-      ->required();
+      ->excludes(map);
   command->add_option("--http", options->http, "Where the page is served; port 0: any free one")
       ->type_name("ADDRESS:PORT")
       ->capture_default_str();
@@ -32,8 +37,8 @@ void add_monitor_command(CLI::App* app, CommandRun* run) {
       ->check(CLI::Range(1.0, 1e9));
   command
       ->add_option("--speed", options->speed,
-                   "file: plays from the beginning, so many times as fast; without it the page "
-                   "stands at the end")
+                   "Recordings: plays from the beginning, so many times as fast; without it the "
+                   "page stands at the end")
       ->type_name("X")
       ->check(CLI::Range(0.1, 1000.0));
   command->add_flag("--no-resend", options->no_resend, "Never ask the vehicle for lost tiles");
@@ -51,7 +56,8 @@ void add_monitor_command(CLI::App* app, CommandRun* run) {
       "  leadline monitor --link udp:@:9100\n"
       "  leadline monitor --link udp:@:9100 --share $XDG_RUNTIME_DIR/leadline.sock\n"
       "  leadline monitor --link serial:/dev/ttyUSB0:9600 --budget 960 --out map\n"
-      "  leadline monitor --link file:survey.lll --speed 10");
+      "  leadline monitor survey.lll --speed 10\n"
+      "  leadline monitor surveys.lls#2");
   command->callback([options, run] { *run = [options] { return run_monitor(*options); }; });
 }
 

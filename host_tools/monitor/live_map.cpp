@@ -53,6 +53,14 @@ void LiveMap::follow(const TileStore& store, base::TimeUs now_us, const CoarseMa
   }
 }
 
+void LiveMap::mark_disputed(const std::vector<DisputedCells>& disputed) {
+  for (std::size_t id = 0; id < std::min(tiles_.size(), disputed.size()); ++id) {
+    for (std::size_t k = 0; tiles_[id] && k < disputed[id].size(); ++k) {
+      tiles_[id]->cells[k] |= disputed[id][k] ? kDisputedCell : 0;
+    }
+  }
+}
+
 std::vector<std::uint32_t> LiveMap::changed_after(std::uint64_t after, std::size_t most) const {
   std::vector<std::uint32_t> tiles;
   for (auto it = order_.upper_bound(after); it != order_.end() && tiles.size() < most; ++it) {

@@ -9,11 +9,15 @@
 #include <optional>
 #include <vector>
 
+#include "host_tools/store/survey_store.hpp"
 #include "host_tools/topside/coarse_map.hpp"
 #include "host_tools/topside/tile_store.hpp"
 #include "model/base/units.hpp"
 
 namespace leadline::host {
+
+/// In LiveTile::cells beside the bits of proto/cell.hpp (one that it keeps free): merged surveys contradict each other.
+inline constexpr proto::CodedCell kDisputedCell = 1U << 6U;
 
 /// A tile and the times of its cells.
 struct LiveTile {
@@ -31,6 +35,8 @@ class LiveMap {
   /// `now_us` is the vehicle's time of it. Both must be the same as before unless restart() was called. O(changed
   /// tiles log tiles).
   void follow(const TileStore& store, base::TimeUs now_us, const CoarseMap* coarse = nullptr);
+  /// Marks cells of a map that is not followed any more. O(cells).
+  void mark_disputed(const std::vector<DisputedCells>& disputed);
   /// Forgets the map: what follow() sees next is another one.
   void restart();
 

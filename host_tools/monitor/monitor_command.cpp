@@ -1,6 +1,7 @@
 #include "host_tools/monitor/monitor_command.hpp"
 
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -19,12 +20,12 @@
 #include "host_tools/output_dir.hpp"
 #include "host_tools/stop_signals.hpp"
 #include "host_tools/store/live_store.hpp"
+#include "host_tools/store/survey_store.hpp"
 #include "host_tools/text.hpp"
 #include "host_tools/topside/link_reader.hpp"
 #include "host_tools/topside/live_line.hpp"
 #include "host_tools/topside/receive_command.hpp"
 #include "host_tools/topside/receiver.hpp"
-#include "model/base/pose.hpp"
 
 namespace leadline::host {
 namespace {
@@ -35,44 +36,61 @@ using Clock = std::chrono::steady_clock;
 constexpr int kRound_ms = 20;
 constexpr double kStateEvery_s = 0.25;
 constexpr double kShowEvery_s = 0.5;
+// A slow link pauses for seconds; the page (words.js) and receive say so after the same time.
+constexpr double kSilent_s = 10.0;
 
 double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
-/// Path of a recording to be played; nothing for a link that is live (a named pipe is).
-std::optional<std::string> recording_path(const std::string& uri) {
-  const hal::UriResult parsed = hal::parse_uri(uri);
+/// Path of a recording or of a stored survey; nothing for a link that is live (a named pipe is).
+std::optional<std::string> file_path(const MonitorOptions& options) {
+  if (options.link_uri.empty() == options.map_path.empty()) {
+    throw HostError(
+        ExitCode::kUsage,
+        "monitor: give --link URI for a vehicle, or the FILE of a recording or a store");
+  }
+  if (!options.map_path.empty()) {
+    return options.map_path;
+  }
+  const hal::UriResult parsed = hal::parse_uri(options.link_uri);
   std::error_code error;
   if (!parsed.ok() || parsed.spec.scheme != hal::UriScheme::kFile ||
-      !std::filesystem::is_regular_file(parsed.spec.path, error)) {
+      !(std::filesystem::is_regular_file(parsed.spec.path, error) ||
+        is_store_path(parsed.spec.path))) {
     return std::nullopt;
   }
   return parsed.spec.path;
 }
 
+/// A file is looked at: what is said of a link, or keeps what it brings, has no meaning then.
+void refuse_link_options(const MonitorOptions& options, const std::string& path, bool stored) {
+  const auto refuse = [&path](bool given, const char* option, const std::string& why) {
+    if (given) {
+      throw HostError(ExitCode::kUsage, std::string(option) + ": " + path + why);
+    }
+  };
+  refuse(!options.share_path.empty(), "--share", " is no link to share");
+  if (!stored) {
+    refuse(!options.store_path.empty(), "--store",
+           " is played; receive brings a recording into a store");
+    return;
+  }
+  refuse(!options.store_path.empty(), "--store", " is a stored survey already");
+  refuse(!options.out_dir.empty(), "--out", " is a stored survey: store export writes it out");
+  refuse(options.speed > 0.0, "--speed", " is a stored survey: it has no time");
+  refuse(options.budget_bytes_s > 0.0, "--budget", " is a stored survey and no link");
+}
+
 class Monitor {
  public:
   explicit Monitor(const MonitorOptions& options) : options_(options) {
-    if (!options.out_dir.empty()) {
-      // Now, not when the dive is over.
-      const OutputDir probe(options.out_dir);
-    }
     const WebAddress address = parse_web_address(options.http);
-    if (const std::optional<std::string> path = recording_path(options.link_uri)) {
+    if (const std::optional<std::string> path = file_path(options)) {
+      refuse_link_options(options, *path, is_store_path(*path));
       if (is_store_path(*path)) {
-        throw HostError(ExitCode::kInput,
-                        *path +
-                            ": a store of surveys and no recording: store show and "
-                            "render look into it");
+        show_stored(*path);
+      } else {
+        player_.emplace(*path, options.speed);
       }
-      if (!options.share_path.empty()) {
-        throw HostError(ExitCode::kUsage, "--share: " + *path + " is no link to share");
-      }
-      if (!options.store_path.empty()) {
-        throw HostError(
-            ExitCode::kUsage,
-            "--store: " + *path + " is played; receive brings a recording into a store");
-      }
-      player_.emplace(*path, options.speed);
     } else {
       link_.emplace(options.link_uri, "monitor");
       if (!options.share_path.empty()) {
@@ -81,6 +99,10 @@ class Monitor {
       if (!options.store_path.empty()) {
         store_.emplace(options.store_path, [this](const std::string& text) { say(text); });
       }
+    }
+    if (!options.out_dir.empty()) {
+      // Now, not when the dive is over.
+      const OutputDir probe(options.out_dir);
     }
     begin_receiver();
     server_.emplace(address,
@@ -112,6 +134,18 @@ class Monitor {
   }
 
  private:
+  /// Read-only, and once: what another program saves meanwhile is in the next one that is started.
+  void show_stored(const std::string& path) {
+    stored_.emplace(open_survey(path));
+    stored_path_ = path;
+    if (stored_->load.damaged_tiles > 0) {
+      say("warning: " + path + ": " + std::to_string(stored_->load.damaged_tiles) +
+          " damaged tiles are left out");
+    }
+    map_.follow(*stored_->map, 0);
+    map_.mark_disputed(stored_->disputed);
+  }
+
   void begin_receiver() {
     receiver_ = std::make_unique<Receiver>();
     receiver_->on_begun = [this](TileStore& begun) {
@@ -139,7 +173,7 @@ class Monitor {
   void round(double now) {
     if (player_) {
       play(now);
-    } else {
+    } else if (link_) {
       listen(now);
     }
     for (const ReceiverNotice& notice : receiver_->take_notices()) {
@@ -160,20 +194,32 @@ class Monitor {
     }
     if (now - shown_s_ >= kShowEvery_s) {
       shown_s_ = now;
-      line_.show(live_text(*receiver_, state_.bytes_per_second(now)) + ", " +
-                 std::to_string(server_->viewers()) + " viewers");
+      line_.show(status_line(now));
     }
   }
 
+  [[nodiscard]] std::string status_line(double now) const {
+    const std::string viewers = ", " + std::to_string(server_->viewers()) + " viewers";
+    if (stored_) {
+      return "stored survey " + std::to_string(stored_->survey.number) + ", " +
+             std::to_string(stored_->map->known_cells()) + " cells, " +
+             std::to_string(stored_->map->known_tiles()) + " tiles" + viewers;
+    }
+    const double silent_s = now - last_frame_s_;
+    const bool silent = link_ && last_frame_s_ >= 0.0 && silent_s >= kSilent_s;
+    return (silent ? "silent for " + std::to_string(std::lround(silent_s)) + " s, " : "") +
+           live_text(*receiver_, state_.bytes_per_second(now)) + viewers;
+  }
+
   void listen(double now) {
-    const std::uint64_t before = received_bytes_ + receiver_->counters().bytes;
+    const std::uint64_t before = received_frames_ + receiver_->counters().frames;
     try {
       (void)link_->read_some(receiver_.get(), now);
     } catch (const HostError& error) {
       refuse(error.what());
     }
-    if (received_bytes_ + receiver_->counters().bytes != before) {
-      last_byte_s_ = now;
+    if (received_frames_ + receiver_->counters().frames != before) {
+      last_frame_s_ = now;
     }
     const std::string change = link_->port_change();
     if (!change.empty()) {
@@ -216,7 +262,7 @@ class Monitor {
       say("error: " + why);
     }
     refused_ = why;
-    received_bytes_ += receiver_->counters().bytes;
+    received_frames_ += receiver_->counters().frames;
     begin_receiver();
     begin_map();
   }
@@ -229,19 +275,9 @@ class Monitor {
     refused_.clear();
     const std::optional<proto::Status>& status = receiver_->status();
     map_.follow(*store, status ? status->t_us : 0, &receiver_->coarse());
-    if (!status) {
-      return;
+    if (status) {
+      track_.follow(*status, store->hello().cell_mm / 2000.0);
     }
-    if ((status->pose_validity & base::kPoseHorizontal) == 0) {
-      track_.interrupt();
-      return;
-    }
-    constexpr float kMmPerM = 1000.0F;
-    track_.add({static_cast<float>(status->position_mm[0]) / kMmPerM,
-                static_cast<float>(status->position_mm[1]) / kMmPerM,
-                static_cast<float>(status->position_mm[2]) / kMmPerM,
-                static_cast<float>(static_cast<double>(status->t_us) * 1e-6)},
-               store->hello().cell_mm / 2000.0);
   }
 
   [[nodiscard]] PageContent content() const {
@@ -255,11 +291,13 @@ class Monitor {
     around.link_uri = options_.link_uri;
     around.port_state = port_state_;
     around.refused = refused_;
-    around.silent_s = last_byte_s_ < 0.0 ? -1.0 : now - last_byte_s_;
+    around.silent_s = last_frame_s_ < 0.0 ? -1.0 : now - last_frame_s_;
     around.budget_bytes_s = options_.budget_bytes_s;
     around.viewers = server_->viewers();
     around.epoch = map_.epoch();
     around.player = player_ ? &*player_ : nullptr;
+    around.stored = stored_ ? &*stored_ : nullptr;
+    around.stored_path = stored_path_;
     return around;
   }
 
@@ -287,6 +325,8 @@ class Monitor {
 
   const MonitorOptions& options_;
   std::optional<Player> player_;
+  std::optional<OpenedSurvey> stored_;
+  std::string stored_path_;
   std::optional<LinkReader> link_;
   std::optional<LiveStore> store_;
   std::unique_ptr<Receiver> receiver_;
@@ -301,8 +341,8 @@ class Monitor {
   bool wanted_ = false;  ///< a page asked for something: the state that answers does not wait
   std::string port_state_;
   std::string refused_;
-  std::uint64_t received_bytes_ = 0;  ///< by receivers that are no more
-  double last_byte_s_ = -1.0;
+  std::uint64_t received_frames_ = 0;  ///< whole ones, by receivers that are no more
+  double last_frame_s_ = -1.0;
   double begin_s_ = 0.0;
   double shown_s_ = 0.0;
   LiveLine line_;

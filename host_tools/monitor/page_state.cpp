@@ -114,6 +114,20 @@ Json player_json(const Player& player) {
           {"seeking", player.seeking()}};
 }
 
+Json stored_json(const OpenedSurvey& opened, const std::string& path) {
+  std::size_t disputed = 0;
+  for (const DisputedCells& cells : opened.disputed) {
+    disputed += cells.count();
+  }
+  return {{"path", path},
+          {"number", opened.survey.number},
+          {"kind", opened.survey.kind},
+          {"begun_unix_s", opened.survey.begun_unix_s},
+          {"saved_unix_s", opened.survey.saved_unix_s},
+          {"damaged_tiles", opened.load.damaged_tiles},
+          {"disputed_cells", disputed}};
+}
+
 /// What the vehicle says it may send, unless the pilot knows better.
 double budget_bytes_s(const Receiver& receiver, const PageSurroundings& around) {
   if (around.budget_bytes_s > 0.0 || receiver.store() == nullptr) {
@@ -170,9 +184,15 @@ std::string PageState::json(const Receiver& receiver, const PageSurroundings& ar
                   {"malformed", counters.malformed},
                   {"other_surveys", counters.other_surveys},
                   {"bytes", counters.bytes}};
-  json["map"] = receiver.store() != nullptr ? map_json(*receiver.store()) : Json();
-  if (receiver.store() != nullptr) {
+  const TileStore* const map =
+      around.stored != nullptr ? around.stored->map.get() : receiver.store();
+  json["map"] = map != nullptr ? map_json(*map) : Json();
+  if (map != nullptr) {
     json["map"]["coarse_tiles"] = receiver.coarse().tiles();
+  }
+  if (around.stored != nullptr) {
+    json["map"]["name"] = around.stored->survey.name;
+    json["stored"] = stored_json(*around.stored, around.stored_path);
   }
   json["vehicle"] = receiver.status() ? vehicle_json(*receiver.status()) : Json();
   if (receiver.status()) {

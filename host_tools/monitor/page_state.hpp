@@ -8,6 +8,7 @@
 
 #include "host_tools/monitor/player.hpp"
 #include "host_tools/monitor/rate_window.hpp"
+#include "host_tools/store/survey_store.hpp"
 #include "host_tools/topside/receiver.hpp"
 
 namespace leadline::host {
@@ -17,11 +18,13 @@ struct PageSurroundings {
   std::string link_uri;
   std::string port_state;     ///< "open", "lost: ..."; "" = nothing to say
   std::string refused;        ///< why nothing of this vehicle is read; "" = it is
-  double silent_s = -1.0;     ///< since the last byte; < 0: none ever came
+  double silent_s = -1.0;     ///< since the last whole frame; < 0: none ever came
   double budget_bytes_s = 0;  ///< of the link; 0: as the vehicle says
   std::size_t viewers = 0;
   std::uint32_t epoch = 0;
-  const Player* player = nullptr;  ///< null: live
+  const Player* player = nullptr;  ///< null: not a recording
+  std::string stored_path;
+  const OpenedSurvey* stored = nullptr;  ///< what is shown instead of a receiver's map; null: that
 };
 
 class PageState {

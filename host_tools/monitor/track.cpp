@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "model/base/pose.hpp"
+
 namespace leadline::host {
 
 void Track::add(const TrackPoint& point, double step_m) {
@@ -36,6 +38,27 @@ void Track::add(const TrackPoint& point, double step_m) {
     interrupted_ = false;
   }
   points_.push_back(point);
+}
+
+void Track::follow(const proto::Status& status, double step_m) {
+  if ((status.pose_validity & base::kPoseHorizontal) == 0) {
+    interrupt();
+    return;
+  }
+  const bool alarm = (status.alarms & proto::kAlarmPoseEpoch) != 0;
+  if (status.pose_epoch != pose_epoch_ || (alarm && !epoch_alarm_) ||
+      status.t_us - known_us_ > kGap_us || status.t_us < known_us_) {
+    interrupt();
+  }
+  pose_epoch_ = status.pose_epoch;
+  epoch_alarm_ = alarm;
+  known_us_ = status.t_us;
+  const auto metres = [&status](int axis) {
+    return static_cast<float>(status.position_mm[axis]) / 1000.0F;
+  };
+  add({metres(0), metres(1), metres(2),
+       static_cast<float>(static_cast<double>(status.t_us) * 1e-6)},
+      step_m);
 }
 
 void Track::clear() {

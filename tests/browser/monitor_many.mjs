@@ -1,24 +1,16 @@
 // Many at one monitor while the map grows: two tabs that are reloaded in mid flight, visitors that talk nonsense, guests
 // of its link that come, are killed and come late, one of them with the same store. In the end all have one map.
 //
-// usage: node monitor_many.mjs LEADLINE LOG MODULES SCRATCH
-//   LEADLINE the program; LOG: a vehicle's log; MODULES: folder with node_modules/playwright-core; SCRATCH: an empty folder
+// usage: node monitor_many.mjs LEADLINE MODULES
+//   LEADLINE the program; MODULES: folder with node_modules/playwright-core
 // Exit code: 0 passed, 1 failed, 77 no browser.
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
 import net from "node:net";
-import { downlinkFrames, openBrowser, sendFrames, startMonitor } from "./support.mjs";
+import { PATIENCE_MS, downlinkFrames, sendFrames, setUp, startMonitor, watch } from "./support.mjs";
 
-const [program, log, modules, scratch] = process.argv.slice(2);
-const PATIENCE_MS = 60000;
-let browser;
-try {
-  browser = await openBrowser(modules);
-} catch (error) {
-  console.log(`skipped: ${error.message}`);
-  process.exit(77);
-}
-const wanted = JSON.parse(execFileSync(program, ["receive", "--link", `file:${log}`, "--json"], { stdio: ["ignore", "pipe", "ignore"] }));
+const [program, modules] = process.argv.slice(2);
+const { browser, scratch, log, wanted } = await setUp(program, modules);
 const frames = downlinkFrames(log);
 const socket = `${scratch}/link.sock`, store = `${scratch}/monitor.lls`, own = `${scratch}/guest.lls`;
 const monitor = await startMonitor(program, "udp:@127.0.0.1:0", "127.0.0.1:0", ["--store", store, "--share", socket]);
@@ -40,8 +32,7 @@ function nonsense(bytes) {
 const complaints = [];
 const tabs = [];
 for (let k = 0; k < 2; k++) {
-  const tab = await browser.newPage({ viewport: { width: 640, height: 400 } });
-  tab.on("pageerror", (error) => complaints.push(error.message));
+  const tab = watch(await browser.newPage({ viewport: { width: 640, height: 400 } }), complaints);
   await tab.goto(monitor.url);
   tabs.push(tab);
 }

@@ -1,26 +1,20 @@
 // The monitor's page in a real browser: what it shows of a known map, by mouse, by keyboard, on a small screen, through
 // a monitor that dies and through a recording.
 //
-// usage: node monitor_page.mjs LEADLINE LOG DEPTH_ASC MODULES [PICTURES]
+// usage: node monitor_page.mjs LEADLINE MODULES [PICTURES]
 //   LEADLINE   the program
-//   LOG        a vehicle's log; DEPTH_ASC: the same map as `leadline receive` wrote it
 //   MODULES    folder with node_modules/playwright-core
 //   PICTURES   folder for screenshots; without it none are kept
 // Exit code: 0 passed, 1 failed, 77 no browser.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import fs from "node:fs";
 import path from "node:path";
-import { downlinkFrames, framed, openBrowser, sendFrames, startMonitor, unframed } from "./support.mjs";
+import { PATIENCE_MS, downlinkFrames, framed, sendFrames, setUp, startMonitor, unframed, watch } from "./support.mjs";
 
-const [program, log, depthAsc, modules, pictures] = process.argv.slice(2);
-let browser;
-try {
-  browser = await openBrowser(modules);
-} catch (error) {
-  console.log(`skipped: ${error.message}`);
-  process.exit(77);
-}
+const [program, modules, pictures] = process.argv.slice(2);
+const { browser, scratch, log, map } = await setUp(program, modules);
+if (pictures) fs.mkdirSync(pictures, { recursive: true });
 
 // --- The map as the program wrote it
 
@@ -41,28 +35,28 @@ function readAsc(file) {
     },
   };
 }
-const truth = readAsc(depthAsc);
+const truth = readAsc(path.join(map, "depth.asc"));
 const knownCells = [];
 for (let n = 0; n < truth.rows; n++) for (let e = 0; e < truth.columns; e++) if (truth.depth(n, e) !== null) knownCells.push([n, e]);
 
 const frames = downlinkFrames(log);
 const monitor = (link, http) => startMonitor(program, link, http);
-const send = (port, from, to) => sendFrames(frames, port, from, to);
+const hello = frames.find((frame) => frame[2] === 1);
+/** A part of the flight; from then on the vehicle is heard, however slow the browser is, until it is told to be quiet. */
+let heardAt = 0;
+async function send(port, from, to) {
+  await sendFrames(frames, port, from, to);
+  heardAt = port;
+}
+setInterval(() => { if (heardAt) sendFrames([hello], heardAt, 0, 1); }, 1000).unref();
 
 // --- The browser
 
-const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
 const complaints = [];
-page.on("pageerror", (error) => complaints.push(error.message));
-page.on("console", (message) => {
-  // A connection refused is what a dead monitor looks like.
-  if (message.type() === "error" && !/WebSocket|ERR_CONNECTION_REFUSED/.test(message.text())) complaints.push(message.text());
-});
-page.on("request", (request) => {
-  if (!/^(http|ws):\/\/127\.0\.0\.1[:/]|^data:/.test(request.url())) complaints.push(`asks for ${request.url()}`);
-});
+// No gliding: where a cell is on the screen is where it stays.
+let page = watch(await browser.newPage({ viewport: { width: 1280, height: 800 }, reducedMotion: "reduce" }), complaints);
 
-const until = (expression, argument) => page.waitForFunction(expression, argument, { timeout: 60000 });
+const until = (expression, argument) => page.waitForFunction(expression, argument, { timeout: PATIENCE_MS });
 const text = (selector) => page.locator(selector).innerText();
 async function shot(name) {
   if (!pictures) return;
@@ -73,7 +67,7 @@ async function shot(name) {
 const screen = (north, east) => page.evaluate(([n, e]) => {
   const { page: p, scene } = window.leadline, store = p.store;
   const northM = store.originM[0] + (n + 0.5) * store.cellM, eastM = store.originM[1] + (e + 0.5) * store.cellM;
-  return scene.project({ northM, eastM, downM: store.cell(n, e)?.depthM ?? store.originM[2] });
+  return scene.project({ northM, eastM, downM: scene.groundM({ northM, eastM }) });
 }, [north, east]);
 async function clickCell(north, east) {
   const at = await screen(north, east);
@@ -83,7 +77,7 @@ async function clickCell(north, east) {
 const pixel = (north, east) => page.evaluate(([n, e]) => {
   const { page: p, scene } = window.leadline, store = p.store;
   const northM = store.originM[0] + (n + 0.5) * store.cellM, eastM = store.originM[1] + (e + 0.5) * store.cellM;
-  const at = scene.project({ northM, eastM, downM: store.cell(n, e)?.depthM ?? store.originM[2] });
+  const at = scene.project({ northM, eastM, downM: scene.groundM({ northM, eastM }) });
   scene.render();
   const gl = scene.renderer.getContext(), ratio = scene.renderer.getPixelRatio(), out = new Uint8Array(4);
   gl.readPixels(Math.round(at.x * ratio), Math.round((scene.height - at.y) * ratio), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, out);
@@ -105,7 +99,7 @@ step("without a link the page says so", async () => {
 
 step("coarse cells: seen at once, as what they are", async () => {
   // The vector of proto/SPEC.md, for coarse tile 0 of this survey: 64 cells to the north, 32 to the east, before any other.
-  const hello = frames.find((frame) => frame[2] === 1), delta = frames.find((frame) => frame[2] === 2);
+  const delta = frames.find((frame) => frame[2] === 2);
   const coarse = Buffer.from("0934120100" + "7f00b636bfd6a584d13a2ce956d9f9c3e754d18bb39e5d8c", "hex");
   unframed(delta).copy(coarse, 1, 1, 3); // the survey's tag
   await sendFrames([hello, framed(coarse)], live.port, 0, 1);
@@ -171,13 +165,26 @@ step("half a survey: cells where there are some, gaps where not", async () => {
 step("only what changed is sent", async () => {
   const before = await page.evaluate(() => ({ got: window.leadline.page.received, tiles: window.leadline.page.store.tiles.size }));
   await send(live.port, 0.5, 0.52);
-  await page.waitForTimeout(600);
+  await until((received) => window.leadline.page.received > received, before.got);
   const after = await page.evaluate(() => window.leadline.page.received);
   assert.ok(after - before.got < before.tiles, `${after - before.got} tiles for a fiftieth of the survey, ${before.tiles} known`);
 });
 
+step("a tab that slept has everything when it wakes", async () => {
+  const before = await page.evaluate(() => window.leadline.page.received);
+  const session = await page.context().newCDPSession(page);
+  await session.send("Page.setWebLifecycleState", { state: "frozen" });
+  await send(live.port, 0.52, 0.6);
+  await session.send("Page.setWebLifecycleState", { state: "active" });
+  await until((received) => {
+    const { page: p } = window.leadline;
+    return p.received > received && p.complete && p.store.known === p.state.map.known_cells;
+  }, before);
+  await session.detach();
+});
+
 step("the whole map, cell for cell as `receive` has it", async () => {
-  await send(live.port, 0.52, 1);
+  await send(live.port, 0.6, 1);
   await until((count) => window.leadline.page.store.known === count, knownCells.length);
   const depths = await page.evaluate((cells) => cells.map(([n, e]) => window.leadline.page.store.cell(n, e).depthM), knownCells);
   knownCells.forEach(([n, e], k) => close(depths[k], truth.depth(n, e), 1e-4, `cell ${n}, ${e}`));
@@ -207,6 +214,64 @@ step("a click reads the cell: depth, sigma, age, place; in 3-D and on the map", 
     await page.keyboard.press("Escape");
     await page.keyboard.press("v");
   }
+});
+
+step("in 3-D what is picked is the cell that is drawn there", async () => {
+  const found = await page.evaluate(() => {
+    const { page: p, scene } = window.leadline, { store } = p, { shared } = scene;
+    const kept = { range: shared.range.value.clone(), exaggeration: shared.exaggeration.value };
+    // Every cell in a colour that says its row and column, modulo 8, whatever the light: by the age of it.
+    const palette = scene.palettes.depth.clone();
+    const data = Uint8Array.from({ length: 768 }, (_, i) => [28 + 18 * (Math.floor(i / 24) % 8), 28 + 18 * (Math.floor(i / 3) % 8), 150][i % 3]);
+    palette.image = { data, width: 256, height: 1 };
+    palette.needsUpdate = true;
+    for (const [id, tile] of store.tiles) {
+      const coded = tile.slice();
+      for (let k = 0; k < 256; k++) coded[256 + k] = 1000 - (8 * (Math.floor(k / 16) % 8) + (k % 8));
+      scene.setTile(id, coded);
+    }
+    const gl = scene.renderer.getContext(), ratio = scene.renderer.getPixelRatio();
+    const width = gl.drawingBufferWidth, height = gl.drawingBufferHeight, out = new Uint8Array(4 * width * height);
+    const cellAt = (x, y) => {
+      const at = scene.pick(x, y);
+      const n = at && Math.floor((at.northM - store.originM[0]) / store.cellM), e = at && Math.floor((at.eastM - store.originM[1]) / store.cellM);
+      return at && store.cell(n, e) ? `${n % 8} ${e % 8}` : "nothing";
+    };
+    let compared = 0;
+    const wrong = [];
+    for (const exaggeration of [1, 5, 20]) {
+      shared.exaggeration.value = exaggeration;
+      scene.fit({ top: 50, left: 90, right: 330, bottom: 0 });
+      scene.turn(25 * exaggeration, 10);
+      shared.mode.value = 2;
+      shared.now_ds.value = 1000;
+      shared.range.value.set(0, 25.5);
+      shared.palette.value = palette;
+      shared.contour_m.value = 0;
+      scene.render();
+      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, out);
+      for (let y = 40; y < height; y += 17) {
+        for (let x = 110; x < width - 340; x += 13) {
+          const at = [(x + 0.5) / ratio, (height - y - 0.5) / ratio], picked = cellAt(...at);
+          // At the border of two cells either is right.
+          if ([[-1, 0], [1, 0], [0, -1], [0, 1]].some(([dx, dy]) => cellAt(at[0] + dx, at[1] + dy) !== picked)) continue;
+          const [red, green, blue, alpha] = out.subarray(4 * (y * width + x));
+          const row = (value) => Math.round(((value / blue) * 150 - 28) / 18);
+          const drawn = alpha ? `${row(red)} ${row(green)}` : "nothing";
+          compared++;
+          if (drawn !== picked) wrong.push(`${exaggeration} x, ${x}, ${y}: ${picked} instead of ${drawn} (${[red, green, blue, alpha]})`);
+        }
+      }
+    }
+    for (const [id, tile] of store.tiles) scene.setTile(id, tile);
+    shared.range.value.copy(kept.range);
+    shared.exaggeration.value = kept.exaggeration;
+    p.dirty = true;
+    return { compared, wrong };
+  });
+  assert.ok(found.compared > 500, `${found.compared} compared`);
+  assert.deepEqual(found.wrong, []);
+  await page.keyboard.press("Home");
 });
 
 step("profile, distance and area give the map's own figures", async () => {
@@ -306,10 +371,113 @@ step("everything by keyboard", async () => {
   assert.equal(await say("document.documentElement.dataset.theme"), "sunlight");
   await shot("sunlight");
   await page.keyboard.press("t");
-  // Every control is reached by Tab and has a name.
-  const nameless = await page.evaluate(() => [...document.querySelectorAll("button, input, select")]
-    .filter((c) => !(c.innerText || c.title || c.getAttribute("aria-label") || c.closest("label")?.innerText)).map((c) => c.id));
-  assert.deepEqual(nameless, []);
+});
+
+step("every control is reached by Tab, seen to be, and has a name; no text is small or faint", async () => {
+  for (const tab of ["log", "display", "health"]) {
+    await page.click(`#tab-${tab}`);
+    // Of radio buttons one is reached, the others from there by arrows.
+    const wanted = await page.evaluate(() => [...document.querySelectorAll("button, input:not([type=radio]), input:checked, select, canvas[tabindex]")]
+      .filter((c) => c.checkVisibility() && !c.disabled).map((c) => (c.dataset.reach = c.id || c.dataset.tool || c.name)).sort());
+    const reached = [];
+    for (let k = 0; k < wanted.length + 2; k++) { // round once, through the page itself
+      await page.keyboard.press("Tab");
+      const at = await page.evaluate(() => {
+        const on = document.activeElement;
+        if (on === document.body) return null;
+        const style = getComputedStyle(on.type === "radio" ? on.nextElementSibling : on);
+        const name = on.getAttribute("aria-label") || on.closest("label")?.innerText || on.innerText || on.title;
+        return { id: on.dataset.reach, name, outlinePx: style.outlineStyle === "none" ? 0 : Number.parseFloat(style.outlineWidth) };
+      });
+      if (at && !reached.includes(at.id)) {
+        reached.push(at.id);
+        assert.ok(at.name?.trim(), `${at.id} has a name`);
+        assert.ok(at.outlinePx >= 2, `${at.id} shows that it has the keys`);
+      }
+    }
+    assert.deepEqual(reached.sort(), wanted);
+    for (const theme of ["dark", "sunlight"]) {
+      const poor = await page.evaluate(() => {
+        const rgb = (text) => text.match(/[\d.]+/g).map(Number);
+        const luminance = (c) => [0.2126, 0.7152, 0.0722].reduce((sum, part, i) => {
+          const x = c[i] / 255;
+          return sum + part * (x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+        }, 0);
+        const found = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+        while (walk.nextNode()) {
+          const element = walk.currentNode.parentElement;
+          if (!walk.currentNode.data.trim() || !element.checkVisibility({ visibilityProperty: true }) || element.closest("#state-heard")) continue;
+          const style = getComputedStyle(element), what = walk.currentNode.data.trim().slice(0, 30);
+          if (Number.parseFloat(style.fontSize) < 12) found.push(`${what}: ${style.fontSize}`);
+          let ground = element, colour;
+          do colour = rgb(getComputedStyle(ground).backgroundColor); while ((colour[3] ?? 1) < 0.9 && (ground = ground.parentElement));
+          const [a, b] = [luminance(rgb(style.color)), luminance(colour)];
+          const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+          if (contrast < 4.5 && !element.closest("svg, option")) found.push(`${what}: contrast ${contrast.toFixed(1)}`);
+        }
+        return found;
+      });
+      assert.deepEqual(poor, [], theme);
+      await page.keyboard.press("t");
+    }
+  }
+  await page.click("#tab-health");
+  await page.focus("#tab-health");
+  await page.keyboard.press("ArrowRight");
+  assert.equal(await page.getAttribute("#tab-display", "aria-selected"), "true");
+  await page.keyboard.press("ArrowLeft");
+});
+
+step("a view that has to move glides, unless the system asks for calm", async () => {
+  await page.emulateMedia({ reducedMotion: "no-preference" });
+  const grow = () => page.evaluate(() => {
+    const { page: p, scene } = window.leadline;
+    p.userMoved = false;
+    scene.zoom(8);
+    p.mapChanged = p.dirty = true;
+  });
+  const framedNow = () => until(() => {
+    const { page: p, scene } = window.leadline;
+    return !scene.glide && p.fitted && scene.framed({ top: 0, left: 0, right: 0, bottom: 0 }, null);
+  });
+  await page.evaluate(() => {
+    const { scene } = window.leadline, glideTo = scene.glideTo.bind(scene);
+    scene.glides = 0;
+    scene.glideTo = (...given) => { scene.glides++; glideTo(...given); };
+  });
+  await grow();
+  await until(() => window.leadline.scene.glides > 0);
+  await framedNow();
+  const before = await page.evaluate(() => window.leadline.scene.glides);
+  await page.emulateMedia({ reducedMotion: "reduce" });
+  await grow();
+  await framedNow();
+  assert.equal(await page.evaluate(() => window.leadline.scene.glides), before);
+});
+
+step("a silent vehicle and a silent monitor are said, with the time", async () => {
+  const said = await page.evaluate(() => {
+    const { link, page: p } = window.leadline, real = p.state, seen = () => ({
+      state: document.querySelector("#state span").innerText, heard: document.querySelector("#state-heard").textContent,
+      alarm: document.querySelector("#alarms").innerText, stale: document.body.classList.contains("stale") });
+    const state = structuredClone(real);
+    Object.assign(state.link, { silent_s: 61, bytes_per_s: 0 });
+    link.dispatchEvent(new CustomEvent("state", { detail: state }));
+    const vehicle = seen();
+    for (let k = 0; k < 6; k++) link.tick();
+    const monitor = seen();
+    link.dispatchEvent(new CustomEvent("state", { detail: real }));
+    return { vehicle, monitor };
+  });
+  assert.equal(said.vehicle.state, "Vehicle silent for 1 min 1 s");
+  assert.equal(said.vehicle.heard, "Vehicle silent");
+  assert.match(said.vehicle.alarm, /^The vehicle has been silent since \d\d:\d\d:\d\d: figures/);
+  assert.equal(said.vehicle.stale, true);
+  assert.equal(said.monitor.state, "Monitor silent for 6 s");
+  await until(() => document.querySelector("#state span").textContent.startsWith("Live"));
+  // One that stays silent is given up, and reached anew.
+  await page.evaluate(() => { for (let k = 0; k < 20; k++) window.leadline.link.tick(); });
+  await until((count) => window.leadline.page.complete && window.leadline.page.store.known === count, knownCells.length);
 });
 
 step("words for every state of link and vehicle", async () => {
@@ -317,27 +485,36 @@ step("words for every state of link and vehicle", async () => {
     const words = await import("/words.js");
     const state = structuredClone(window.leadline.page.state);
     state.link.silent_s = 1;
-    const out = { live: words.stateWords(state, true).words };
-    state.link.silent_s = 12;
-    out.silent = words.stateWords(state, true).words;
+    const link = { connected: true, quietS: 0, silentSince: "14:03:20" };
+    const out = { live: words.stateWords(state, link).words, fresh: words.staleWords(state, link) };
+    state.link.silent_s = 72;
+    state.link.bytes_per_s = 0;
+    out.silent = [words.stateWords(state, link).words, words.staleWords(state, link)];
+    state.link.bytes_per_s = 100;
+    out.noise = [words.stateWords(state, link).words, words.staleWords(state, link)];
     state.link.silent_s = 0;
     state.vehicle.mapping_paused = true;
-    out.paused = words.stateWords(state, true).words;
+    out.paused = words.stateWords(state, link).words;
     state.link.frames_recent = 90;
     state.link.damaged_recent = 10;
     state.link.bytes_per_s = 180;
     state.link.budget_bytes_per_s = 200;
     state.vehicle.pings.shed = 7;
     state.vehicle.pings.range_too_long = 5;
+    state.vehicle.pings.stopped = 3;
     state.vehicle.work = { last: 50, max: 120, bound: 100 };
     out.rows = Object.fromEntries(words.healthRows(state).map((row) => [row.id, [row.words, row.level, row.detail]]));
     state.link.refused = "version 2";
-    out.refused = words.stateWords(state, true).words;
-    out.gone = words.stateWords(state, false).words;
+    out.refused = words.stateWords(state, link).words;
+    out.quiet = words.stateWords(state, { ...link, quietS: 7 }).words;
+    out.gone = words.stateWords(state, { ...link, connected: false }).words;
     return out;
   });
   assert.match(said.live, /^Live/);
-  assert.equal(said.silent, "Vehicle silent since 12 s");
+  assert.equal(said.fresh, null);
+  assert.deepEqual(said.silent, ["Vehicle silent for 1 min 12 s", "The vehicle has been silent since 14:03:20: figures are of its last word"]);
+  assert.deepEqual(said.noise, ["Only noise for 1 min 12 s", "Bytes come, but no whole frame since 14:03:20: figures are of its last word"]);
+  assert.equal(said.quiet, "Monitor silent for 7 s");
   assert.equal(said.paused, "Mapping paused");
   assert.equal(said.refused, "Vehicle refused");
   assert.equal(said.gone, "Monitor not reached");
@@ -349,6 +526,7 @@ step("words for every state of link and vehicle", async () => {
 });
 
 step("a monitor that dies is missed, and comes back", async () => {
+  heardAt = 0;
   live.child.kill("SIGKILL");
   await until(() => document.querySelector("#state span").textContent === "Monitor not reached");
   await shot("gone");
@@ -395,9 +573,57 @@ step("a recording: to its end, back, and forward again", async () => {
   knownCells.forEach(([n, e], k) => close(depths[k], truth.depth(n, e), 1e-4, `cell ${n}, ${e}`));
 });
 
-step("on a small screen nothing is out of reach", async () => {
-  await page.setViewportSize({ width: 390, height: 844 });
-  await page.reload();
+step("a stored survey: the same map, by the same page", async () => {
+  const store = path.join(scratch, "survey.lls");
+  execFileSync(program, ["receive", "--link", `file:${log}`, "--store", store], { stdio: "ignore" });
+  const stored = await startMonitor(program, `${store}#1`);
+  await page.goto(stored.url);
+  await until((count) => window.leadline.page.complete && window.leadline.page.store.known === count, knownCells.length);
+  const depths = await page.evaluate((cells) => cells.map(([n, e]) => window.leadline.page.store.cell(n, e).depthM), knownCells);
+  knownCells.forEach(([n, e], k) => close(depths[k], truth.depth(n, e), 1e-4, `cell ${n}, ${e}`));
+  assert.equal(await text("#state span"), "Stored survey");
+  assert.equal(await text('[data-id="survey"] dd'), "no. 1");
+  assert.match(await text('[data-id="saved"] dd'), /^20\d\d-\d\d-\d\d \d\d:\d\d UTC$/);
+  assert.equal(await page.locator('[data-id="link"], [data-id="rate"], [data-id="pings"]').count(), 0);
+  assert.equal(await page.isVisible("#player"), false);
+  await page.focus("#scene");
+  await page.keyboard.press("3"); // a store keeps no times
+  assert.equal(await page.evaluate(() => window.leadline.page.mode), "depth");
+  await page.keyboard.press("v");
+  await clickCell(20, 20);
+  close(Number.parseFloat(await text("#readout h2")), truth.depth(20, 20), 0.0051, "depth");
+  assert.equal(await text("#read-age"), "time not known");
+  await page.keyboard.press("p");
+  await clickCell(5, 6);
+  await clickCell(5, 60);
+  close(Number.parseFloat((await text("#readout h2")).replace("Profile, ", "")), 54 * truth.cell, 2 * truth.cell, "length");
+  await shot("stored");
+  await page.keyboard.press("Escape");
+  stored.child.kill("SIGTERM");
+  assert.equal(await stored.child.ended, 0);
+});
+
+step("without WebGL health and messages are there, and nothing breaks", async () => {
+  const played = await startMonitor(program, log);
+  const blind = watch(await browser.newPage({ viewport: { width: 900, height: 600 } }), complaints);
+  await blind.addInitScript(() => {
+    const get = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return /webgl/.test(kind) ? null : get.call(this, kind, ...more); };
+  });
+  await blind.goto(played.url);
+  await blind.waitForFunction(() => document.querySelector('[data-id="map"] dd') && window.leadline.page.complete, null, { timeout: PATIENCE_MS });
+  assert.match(await blind.locator("#empty").innerText(), /cannot be drawn[\s\S]*no WebGL 2/);
+  for (const key of ["v", "p", "Enter", "ArrowLeft", "+", "o", "2", "c", "f", "Home", "Escape", "t", " "]) await blind.keyboard.press(key);
+  if (pictures) await blind.screenshot({ path: path.join(pictures, "no-webgl.png") });
+  await blind.close();
+  played.child.kill("SIGTERM");
+});
+
+step("on a small screen, by touch, nothing is out of reach", async () => {
+  const played = await startMonitor(program, log);
+  const context = await browser.newContext({ viewport: { width: 360, height: 640 }, hasTouch: true, isMobile: true, reducedMotion: "reduce" });
+  page = watch(await context.newPage(), complaints);
+  await page.goto(played.url);
   await until(() => window.leadline.page.complete);
   const reach = () => page.evaluate(() => ({
     wide: document.documentElement.scrollWidth,
@@ -406,17 +632,29 @@ step("on a small screen nothing is out of reach", async () => {
       return r.width > 0 && (r.left < -1 || r.right > innerWidth + 1 || r.top < -1 || r.bottom > innerHeight + 1);
     }).map((c) => c.id || c.title),
   }));
-  assert.deepEqual(await reach(), { wide: 390, outside: [] });
+  assert.deepEqual(await reach(), { wide: 360, outside: [] });
   await shot("small");
-  await page.click("#tab-health");
+  await page.tap("#tab-health");
   await page.locator("#figures").waitFor({ state: "visible" });
   assert.deepEqual((await reach()).outside, []);
   await shot("small-health");
-  await page.click("#panel-close");
-  await page.click("#view-map");
-  await clickCell(20, 20);
+  await page.tap("#tab-display");
+  assert.deepEqual((await reach()).outside, []);
+  await shot("small-display");
+  await page.tap("#panel-close");
+  await page.tap("#view-map");
+  const at = await screen(20, 20);
+  await page.touchscreen.tap(at.x, at.y);
   close(Number.parseFloat(await text("#readout h2")), truth.depth(20, 20), 0.0051, "depth");
   await shot("small-map");
+  await page.tap("[data-tool=profile]");
+  for (const cell of [[30, 10], [30, 60]]) {
+    const end = await screen(...cell);
+    await page.touchscreen.tap(end.x, end.y);
+  }
+  await page.locator(".chart polyline").first().waitFor();
+  assert.deepEqual((await reach()).outside, []);
+  await shot("small-profile");
 });
 
 let failed = 0;

@@ -1,9 +1,45 @@
 // What the browser's programs share: the browser, a monitor to look at, a vehicle's voice.
-import { spawn } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import dgram from "node:dgram";
 import fs from "node:fs";
 import { createRequire } from "node:module";
+import os from "node:os";
 import path from "node:path";
+
+/** How long a test waits for what has to come: a net, not a measure. */
+export const PATIENCE_MS = 120000;
+
+/** For tests: a browser, an empty folder, and the log of a small survey with the map that `receive` makes of it (receive.json,
+ * depth.asc). Ends the program with 77 where there is no browser. */
+export async function setUp(program, modules) {
+  let browser;
+  try {
+    browser = await openBrowser(modules);
+  } catch (error) {
+    console.log(`skipped: ${error.message} (toolchain/setup.sh --checks)`);
+    process.exit(77);
+  }
+  const scratch = fs.mkdtempSync(path.join(os.tmpdir(), "leadline-page."));
+  process.on("exit", () => fs.rmSync(scratch, { recursive: true, force: true }));
+  const quiet = { stdio: ["ignore", "ignore", "ignore"] };
+  execFileSync(program, ["simulate", "--set", "north_count=64", "--set", "east_count=80", "--set", "margin_cells=4", "--out", `${scratch}/survey`], quiet);
+  const log = `${scratch}/survey/survey.lll`;
+  execFileSync(program, ["receive", "--link", `file:${log}`, "--out", `${scratch}/map`], quiet);
+  return { browser, scratch, log, map: `${scratch}/map`, wanted: JSON.parse(fs.readFileSync(`${scratch}/map/receive.json`)) };
+}
+
+/** Collects what a page complains of, and what it asks for outside of this machine. */
+export function watch(page, complaints) {
+  page.on("pageerror", (error) => complaints.push(error.message));
+  page.on("console", (message) => {
+    // A connection refused is what a dead monitor looks like.
+    if (message.type() === "error" && !/WebSocket|ERR_CONNECTION_REFUSED/.test(message.text())) complaints.push(message.text());
+  });
+  page.on("request", (request) => {
+    if (!/^(http|ws):\/\/127\.0\.0\.1[:/]|^data:/.test(request.url())) complaints.push(`asks for ${request.url()}`);
+  });
+  return page;
+}
 
 /** Chromium by Playwright from `modules`/node_modules. Throws where either is missing. */
 export async function openBrowser(modules) {
@@ -20,9 +56,10 @@ export async function openBrowser(modules) {
 const running = [];
 process.on("exit", () => running.forEach((child) => child.kill("SIGKILL")));
 
-/** A monitor that serves its page: { child, url, port (of the link, 0 for files) }. */
-export async function startMonitor(program, link, http = "127.0.0.1:0", more = []) {
-  const child = spawn(program, ["monitor", "--link", link, "--http", http, ...more], { stdio: ["ignore", "ignore", "pipe"] });
+/** A monitor that serves its page: { child, url, port (of the link, 0 for files) }. `source`: a link's URI, or a file. */
+export async function startMonitor(program, source, http = "127.0.0.1:0", more = []) {
+  const from = /^(udp|tcp|file):/.test(source) ? ["--link", source] : [source];
+  const child = spawn(program, ["monitor", ...from, "--http", http, ...more], { stdio: ["ignore", "ignore", "pipe"] });
   running.push(child);
   child.ended = new Promise((done) => child.on("exit", done));
   let said = "";

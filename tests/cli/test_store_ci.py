@@ -225,7 +225,12 @@ class Store(Case):
                                       "0"), USAGE, "--significance")
         self.expect(self.run_leadline("receive", "--link", f"file:{self.logs[0]}", "--store",
                                       "/proc/s.lls"), OUTPUT, "/proc/s.lls")
-        self.expect(self.run_leadline("monitor", "--link", f"file:{self.store}"), INPUT, "a store of surveys")
+        self.expect(self.run_leadline("monitor", f"{self.store}#9"), INPUT, "no survey 9")
+        self.expect(self.run_leadline("monitor", none), INPUT, "none.lls")
+        self.expect(self.run_leadline("monitor"), USAGE, "--link URI")
+        for option in (["--out", self.dir / "map"], ["--speed", "2"], ["--budget", "200"], ["--store", none],
+                       ["--share", self.dir / "socket"]):
+            self.expect(self.run_leadline("monitor", self.store, *option), USAGE, option[0])
         none.write_bytes(b"x" * 4096)
         self.expect(self.run_leadline("receive", "--link", f"file:{self.logs[0]}", "--store", none),
                     OUTPUT, "none.lls")

@@ -9,19 +9,23 @@ import * as words from "./words.js";
 const $ = (id) => document.getElementById(id);
 const EXAGGERATIONS = [1, 1.5, 2, 3, 5, 7, 10, 15, 20];
 const MODES = ["depth", "uncertainty", "age", "slope"];
+const SLOPES = [5, 10, 20, 30, 45, 60]; // degrees that the colours may end at
 const FRESH_S = 3; // cells that changed within this belong to the beam of now
 
 const page = {
   connected: false, state: null, store: null, epoch: -1, stale: null, track: new Float32Array(0),
   tool: "inspect", points: [], hover: null, marker: null, aim: false, follow: false, fitted: false, userMoved: false,
   mode: "depth", exaggeration: 2, contours: "auto", obstacles: false, obstacleM: NaN, fresh: [], dirty: true,
+  depthFromM: NaN, depthToM: NaN,
 };
+const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
 let scene;
 try {
   scene = new SeafloorScene($("scene"), () => { page.dirty = true; });
 } catch (error) {
   showEmpty("The seafloor cannot be drawn", `${error.message} Health and messages work all the same.`);
+  $("tools").inert = $("display").inert = true;
 }
 const overlay = scene && new Overlay($("overlay"), scene);
 const link = new Link();
@@ -37,11 +41,15 @@ link.addEventListener("open", () => {
   showState();
 });
 link.addEventListener("closed", () => { page.connected = false; showState(); });
+link.addEventListener("quiet", showState);
 link.addEventListener("palettes", ({ detail }) => { scene?.setPalettes(detail); page.palettes = detail; });
 link.addEventListener("state", ({ detail }) => {
   page.state = detail;
   if (page.follow && vehicle()) scene?.lookAt(vehicle());
   showState();
+  // What is read stays true while the map changes and time goes on.
+  if (page.obstacles) showObstacles();
+  if (page.store && page.points.length) showReadout();
   page.dirty = true;
 });
 link.addEventListener("tiles", ({ detail }) => {
@@ -133,7 +141,8 @@ function vehicle() {
     return { northM: northM + outM * Math.cos(azimuth), eastM: eastM + outM * Math.sin(azimuth), downM: downM + beam.range_m * Math.sin(depression) };
   });
   return { northM, eastM, downM, beams, headingDeg: v.pose.heading_deg, pitchDeg: v.pose.pitch_deg, rollDeg: v.pose.roll_deg,
-           valid: (v.pose.validity & 1) !== 0, altitudeM: below ? below.depthM - downM : null };
+           valid: (v.pose.validity & 1) !== 0, altitudeM: below ? below.depthM - downM : null,
+           silent: words.silent(page.state) && `${words.duration(page.state.link.silent_s)} ago` };
 }
 
 // --- What is drawn
@@ -153,16 +162,21 @@ function margins() {
            bottom: Math.max(0, ...below), legend };
 }
 
+/** Ends of the colours, on round numbers: a map that grows does not move them by every cell. */
 function colourRange() {
   const store = page.store;
   if (!store?.shown) return [0, 1];
   if (page.mode === "depth") {
     const low = store.depthQuantile(0.005), high = store.depthQuantile(0.995);
-    return high - low < 0.1 ? [low - 0.05, low + 0.05] : [low, high];
+    const step = roundStep(Math.max(high - low, 0.1) / 20);
+    const from = Number.isFinite(page.depthFromM) ? page.depthFromM : Math.floor(low / step) * step;
+    const to = Number.isFinite(page.depthToM) ? page.depthToM : Math.ceil(high / step) * step;
+    return to > from ? [from, to] : [from, from + 0.1];
   }
   if (page.mode === "uncertainty") return [store.sigmaQuantile(0.01), Math.max(store.sigmaQuantile(0.99), store.sigmaQuantile(0.01) * 2)];
   if (page.mode === "age") return [0, Math.max(nowS() - store.firstTimeDs / 10, 10)];
-  return [0, 60];
+  const steep = store.slopeQuantile(0.98);
+  return [0, SLOPES.find((slope) => slope >= steep) ?? 90];
 }
 
 function contourStep(range) {
@@ -171,13 +185,15 @@ function contourStep(range) {
     : roundStep(Math.max(page.store.depthQuantile(0.995) - page.store.depthQuantile(0.005), 0.1) / 12);
 }
 
-function frame() {
+function frame(nowMs) {
   requestAnimationFrame(frame);
   if (!scene || !page.dirty) return;
   page.dirty = false;
   const store = page.store;
   const free = margins();
-  if (store && !page.userMoved && (!page.fitted || (page.mapChanged && !scene.framed(free, vehicle())))) fit();
+  if (page.userMoved) scene.glide = null;
+  if (scene.glide) scene.glideOn(nowMs);
+  else if (store && !page.userMoved && (!page.fitted || (page.mapChanged && !scene.framed(free, vehicle())))) fit(page.fitted);
   const range = colourRange();
   const shared = scene.shared;
   shared.mode.value = MODES.indexOf(page.mode);
@@ -192,11 +208,7 @@ function frame() {
   overlay.middle = middle(free);
   overlay.draw({ track: page.track, vehicle: here, tool: page.tool, points: page.points, hover: page.hover, marker: page.marker,
     margins: free, aim: page.aim, showTrack: $("track").checked, fresh: page.fresh.filter((p) => nowS() - p.timeS < FRESH_S) });
-  if (page.mapChanged) {
-    page.mapChanged = false;
-    if (page.obstacles) showObstacles();
-    if (page.tool === "profile" && page.points.length === 2) showReadout();
-  }
+  page.mapChanged = false;
   showLegend(range);
 }
 
@@ -205,10 +217,12 @@ function middle(free) {
   return { x: (free.left + scene.width - free.right) / 2, y: (free.top + scene.height - free.bottom) / 2 };
 }
 
-function fit() {
+/** All of the map into what is free; gliding where a view that was right has become wrong by itself. */
+function fit(glide = false) {
   if (!scene || !page.store) return;
   page.fitted = page.store.shown;
-  scene.fit(margins(), vehicle());
+  if (glide && !calm.matches) scene.glideTo(margins(), vehicle());
+  else scene.fit(margins(), vehicle());
 }
 
 function resize() {
@@ -228,26 +242,38 @@ function showEmpty(title, text) {
   $("empty").querySelector("span").textContent = text ?? "";
 }
 
+/** What the page knows of its own connection (words.js). */
+function connection() {
+  // The same second, said again, stays the same.
+  const agoS = page.state?.link.silent_s ?? 0, atMs = Date.now() - agoS * 1000;
+  if (!(Math.abs(atMs - page.silentAtMs) < 1500)) {
+    page.silentAtMs = atMs;
+    page.silentSince = words.timeOfDay(agoS);
+  }
+  return { connected: page.connected, quietS: link.quietS, silentSince: page.silentSince };
+}
+
 function showState() {
-  const { state, connected } = page;
-  const now = words.stateWords(state, connected);
+  const { state } = page, of = connection();
+  const now = words.stateWords(state, of);
   $("state").dataset.kind = now.kind;
   $("state").querySelector("span").textContent = now.words;
+  // For who listens: the seconds that go by are no news.
+  const heard = now.words.replace(/ for .*/, "");
+  if ($("state-heard").textContent !== heard) $("state-heard").textContent = heard;
   document.title = now.kind === "ok" ? "Leadline" : `${now.words} · Leadline`;
   if (scene) {
-    const empty = words.emptyWords(state, connected);
+    const empty = words.emptyWords(state, of);
     const hasMap = page.store?.shown;
     if (empty && !hasMap) showEmpty(...empty);
     else showEmpty(null);
   }
   $("survey").textContent = state?.map ? (state.map.name || `Survey ${state.map.survey_id}`) : "";
   if (!state) return;
-  const silent = words.silent(state);
-  document.body.classList.toggle("stale", !connected || silent);
+  const stale = words.staleWords(state, of);
+  document.body.classList.toggle("stale", stale !== null);
   const alarms = $("alarms");
-  const lines = [];
-  if (!connected) lines.push("The monitor is not reached: figures are of the last moment");
-  else if (silent) lines.push("The vehicle is silent: figures are of its last word");
+  const lines = stale ? [stale] : [];
   if (state.vehicle?.alarm_text) lines.push(...state.vehicle.alarm_text.split(", "));
   const text = lines.map((line) => line[0].toUpperCase() + line.slice(1));
   if (alarms.dataset.text !== text.join("\n")) {
@@ -257,6 +283,10 @@ function showState() {
   showFigures(words.healthRows(state));
   showPlayer(state.player);
   showNotices(state.notices);
+  const age = document.querySelector("[name=mode][value=age]");
+  age.disabled = Boolean(state.stored);
+  age.closest("label").title = state.stored ? "A store keeps no times of cells" : "";
+  if (state.stored && page.mode === "age") setMode("depth");
 }
 
 function make(tag, text, className) {
@@ -336,10 +366,13 @@ function showLegend(range) {
   }
   const step = scene.shared.contour_m.value;
   const notes = [];
-  if (step) notes.push(`Contours every ${step >= 1 ? step : step.toFixed(step < 0.1 ? 2 : 1)} m`);
+  // Coarse cells have none: a flat one at a contour's depth would be one altogether.
+  if (step && store.known) notes.push(`Contours every ${step >= 1 ? step : step.toFixed(step < 0.1 ? 2 : 1)} m`);
   if (!scene.mapView && page.exaggeration !== 1) notes.push(`heights × ${page.exaggeration}`);
-  if (store.coarse) notes.push("hatched: coarse so far");
-  $("legend-note").textContent = notes.join(" · ");
+  if (store.coarse) notes.push(`hatched: coarse so far${step && store.known ? ", without contours" : ""}`);
+  if (page.state?.stored?.disputed_cells) notes.push("checkered: surveys disagree");
+  const note = notes.join(" · ");
+  if ($("legend-note").textContent !== note) $("legend-note").textContent = note;
 }
 
 function showObstacles() {
@@ -357,10 +390,10 @@ function showObstacles() {
   let where = "";
   if (here) {
     const n = found.northM - here.northM, e = found.eastM - here.eastM;
-    const bearing = ((Math.atan2(e, n) * 180) / Math.PI + 360) % 360;
-    where = `, ${words.metres(Math.hypot(n, e), 0)} from the vehicle at ${bearing.toFixed(0).padStart(3, "0")}°`;
+    where = `, ${words.metres(Math.hypot(n, e), 0)} from the vehicle at ${words.bearing(n, e)}`;
   }
-  text.textContent = `${words.grouped(found.count)} cells; the shallowest ${found.depthM.toFixed(2)} m${where}.`;
+  const said = `${words.grouped(found.count)} cells; the shallowest ${found.depthM.toFixed(2)} m${where}.`;
+  if (text.textContent !== said) text.textContent = said;
 }
 
 // --- Measuring
@@ -403,84 +436,91 @@ function keepInSight() {
   if (byPx > 0) scene.nudge(0, -byPx / scene.height);
 }
 
-function figure(list, label, text, id) {
-  const row = make("div");
-  const value = make("dd", text);
-  if (id) value.id = id;
-  row.append(make("dt", label), value);
-  list.append(row);
-}
-
-function showReadout() {
-  const box = $("readout"), body = $("readout-body"), { tool, points } = page;
-  box.classList.toggle("wide", tool === "profile" && points.length === 2);
-  if (tool === "inspect" && !points.length) {
-    box.hidden = true;
-    return;
-  }
-  box.hidden = false;
-  const list = make("dl");
-  const parts = [list];
-  if (tool === "inspect") {
-    const cell = page.store.shownAt(points[0].northM, points[0].eastM);
-    const digits = cell?.coarse ? 1 : 2;
-    box.querySelector("h2").textContent = cell ? `${cell.coarse ? "About " : ""}${cell.depthM.toFixed(digits)} m ± ${words.sigma(cell.sigmaM)}` : "Not surveyed";
-    box.dataset.depthM = cell ? cell.depthM : "";
-    if (cell?.coarse) figure(list, "Coarse so far", "mean of 4 × 4 cells; theirs are still to come", "read-coarse");
-    else if (cell) {
-      figure(list, "Last seen", cell.timeS > 0 && nowS() >= cell.timeS ? `${words.duration(nowS() - cell.timeS)} ago` : "time not known", "read-age");
-      if (cell.secondSurface) figure(list, "Column", "a second surface stands in it");
-    }
-    place(list, points[0]);
-  } else if (tool === "profile" && points.length === 2) {
-    const samples = page.store.profile(points[0], points[1]);
+/** What is read: title, figures [label, text, id], a hint, and a chart's samples. */
+function readout() {
+  const { tool, points, store } = page;
+  if (tool === "inspect") return readPoint(points[0]);
+  if (tool === "profile" && points.length === 2) {
+    const samples = store.profile(points[0], points[1]);
     const known = samples.filter((sample) => sample.cell);
-    box.querySelector("h2").textContent = `Profile, ${words.metres(samples[samples.length - 1].alongM, 1)}`;
+    const figures = [];
     if (known.length) {
       const depths = known.map((sample) => sample.cell.depthM);
-      figure(list, "Shallowest", `${Math.min(...depths).toFixed(2)} m`);
-      figure(list, "Deepest", `${Math.max(...depths).toFixed(2)} m`);
+      figures.push(["Shallowest", `${Math.min(...depths).toFixed(2)} m`], ["Deepest", `${Math.max(...depths).toFixed(2)} m`]);
     }
-    figure(list, "Surveyed", `${Math.round((100 * known.length) / samples.length)} %`);
-    const chart = make("div", undefined, "chart");
-    parts.unshift(chart);
-    body.replaceChildren(...parts);
-    drawProfile(chart, samples, (marker) => {
+    figures.push(["Surveyed", `${Math.round((100 * known.length) / samples.length)} %`]);
+    return { title: `Profile, ${words.metres(samples[samples.length - 1].alongM, 1)}`, figures, samples };
+  }
+  const hints = HINTS[tool], figures = [];
+  let title = hints[0];
+  if (tool === "distance" && points.length > 1) {
+    let flat = 0, ground = 0, whole = true;
+    for (let i = 1; i < points.length; i++) {
+      const run = Math.hypot(points[i].northM - points[i - 1].northM, points[i].eastM - points[i - 1].eastM);
+      const a = store.at(points[i - 1].northM, points[i - 1].eastM), b = store.at(points[i].northM, points[i].eastM);
+      flat += run;
+      if (a && b) ground += Math.hypot(run, b.depthM - a.depthM);
+      else whole = false;
+    }
+    title = words.metres(flat);
+    if (whole) figures.push(["Point to point", words.metres(ground)]);
+    const last = points[points.length - 1], before = points[points.length - 2];
+    figures.push(["Last bearing", words.bearing(last.northM - before.northM, last.eastM - before.eastM)]);
+  } else if (tool === "area" && points.length > 2) {
+    const area = store.area(points);
+    title = words.squareMetres(area.squareM);
+    figures.push(["Surveyed", `${Math.round(100 * area.known)} %`]);
+  }
+  return { title, figures, hint: points.length ? hints[2] : hints[1] };
+}
+
+function readPoint(point) {
+  const cell = page.store.shownAt(point.northM, point.eastM);
+  const figures = [];
+  if (cell?.coarse) figures.push(["Coarse so far", "mean of 4 × 4 cells; theirs are still to come", "read-coarse"]);
+  else if (cell) {
+    const known = cell.timeS > 0 && nowS() >= cell.timeS;
+    figures.push(["Last seen", known ? `${words.duration(nowS() - cell.timeS)} ago` : "time not known", "read-age"]);
+    if (cell.secondSurface) figures.push(["Column", "a second surface stands in it"]);
+    if (cell.disputed) figures.push(["Surveys", "disagree here; this is the shallowest", "read-disputed"]);
+  }
+  figures.push(["North, east", `${point.northM.toFixed(1)} m, ${point.eastM.toFixed(1)} m`, "read-place"]);
+  const degrees = words.geodetic(page.state?.map, point.northM, point.eastM);
+  if (degrees) figures.push(["Position", `${words.degrees(degrees.lat, "N", "S")}, ${words.degrees(degrees.lon, "E", "W")}`]);
+  const digits = cell?.coarse ? 1 : 2;
+  const title = cell ? `${cell.coarse ? "About " : ""}${cell.depthM.toFixed(digits)} m ± ${words.sigma(cell.sigmaM)}` : "Not surveyed";
+  return { title, figures };
+}
+
+/** Figures are changed in place: what is being read, selected or pointed at stays. */
+function showReadout() {
+  const box = $("readout"), body = $("readout-body"), { tool, points } = page;
+  box.hidden = tool === "inspect" && !points.length;
+  if (box.hidden) return;
+  const { title, figures, hint, samples } = readout();
+  box.classList.toggle("wide", samples !== undefined);
+  const heading = box.querySelector("h2");
+  if (heading.textContent !== title) heading.textContent = title;
+  const shape = JSON.stringify([tool, hint, figures.map(([label]) => label), samples !== undefined]);
+  if (body.dataset.shape !== shape) {
+    body.dataset.shape = shape;
+    const list = make("dl");
+    for (const [label, , id] of figures) {
+      const row = make("div"), value = make("dd");
+      if (id) value.id = id;
+      row.append(make("dt", label), value);
+      list.append(row);
+    }
+    body.replaceChildren(...(samples ? [make("div", undefined, "chart")] : []), list, ...(hint ? [make("p", hint, "hint")] : []));
+  }
+  const values = body.querySelectorAll("dd");
+  figures.forEach(([, text], i) => { if (values[i].textContent !== text) values[i].textContent = text; });
+  if (samples) {
+    drawProfile(body.querySelector(".chart"), samples, (marker) => {
       page.marker = marker;
       page.dirty = true;
     });
-    return;
-  } else {
-    const hints = HINTS[tool];
-    box.querySelector("h2").textContent = hints[0];
-    if (tool === "distance" && points.length > 1) {
-      let flat = 0, ground = 0, whole = true;
-      for (let i = 1; i < points.length; i++) {
-        const run = Math.hypot(points[i].northM - points[i - 1].northM, points[i].eastM - points[i - 1].eastM);
-        const a = page.store.at(points[i - 1].northM, points[i - 1].eastM), b = page.store.at(points[i].northM, points[i].eastM);
-        flat += run;
-        if (a && b) ground += Math.hypot(run, b.depthM - a.depthM);
-        else whole = false;
-      }
-      box.querySelector("h2").textContent = words.metres(flat);
-      if (whole) figure(list, "Point to point", words.metres(ground));
-      const last = points[points.length - 1], before = points[points.length - 2];
-      const bearing = ((Math.atan2(last.eastM - before.eastM, last.northM - before.northM) * 180) / Math.PI + 360) % 360;
-      figure(list, "Last bearing", `${bearing.toFixed(0).padStart(3, "0")}°`);
-    } else if (tool === "area" && points.length > 2) {
-      const area = page.store.area(points);
-      box.querySelector("h2").textContent = words.squareMetres(area.squareM);
-      figure(list, "Surveyed", `${Math.round(100 * area.known)} %`);
-    }
-    parts.push(make("p", points.length ? hints[2] : hints[1], "hint"));
   }
-  body.replaceChildren(...parts);
-}
-
-function place(list, point) {
-  figure(list, "North, east", `${point.northM.toFixed(1)} m, ${point.eastM.toFixed(1)} m`, "read-place");
-  const degrees = words.geodetic(page.state?.map, point.northM, point.eastM);
-  if (degrees) figure(list, "Position", `${words.degrees(degrees.lat, "N", "S")}, ${words.degrees(degrees.lon, "E", "W")}`);
 }
 
 // --- What the pilot does
@@ -495,6 +535,7 @@ function setView(map) {
 }
 
 function setMode(mode) {
+  if (mode === "age" && page.state?.stored) return; // a store keeps no times of cells
   page.mode = mode;
   document.querySelector(`[name=mode][value=${mode}]`).checked = true;
   page.dirty = true;
@@ -579,6 +620,9 @@ for (const button of document.querySelectorAll("[data-tool]")) button.addEventLi
 for (const input of document.querySelectorAll("[name=mode]")) input.addEventListener("change", () => setMode(input.value));
 $("exaggeration").addEventListener("input", (event) => setExaggeration(Number(event.target.value)));
 $("contours").addEventListener("change", (event) => { page.contours = event.target.value; page.dirty = true; });
+for (const [id, key] of [["depth-from", "depthFromM"], ["depth-to", "depthToM"]]) {
+  $(id).addEventListener("input", (event) => { page[key] = event.target.valueAsNumber; page.dirty = true; });
+}
 $("track").addEventListener("change", () => { page.dirty = true; });
 $("obstacles").addEventListener("change", (event) => setObstacles(event.target.checked));
 $("obstacle-depth").addEventListener("input", (event) => {
@@ -666,6 +710,17 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
+// Among the panel's tabs, as everywhere, arrows go to the neighbour.
+$("tabs").addEventListener("keydown", (event) => {
+  const tabs = [...document.querySelectorAll("[role=tab]")], at = tabs.indexOf(event.target);
+  const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+  if (at < 0 || !by) return;
+  const next = tabs[(at + by + tabs.length) % tabs.length];
+  next.focus();
+  next.click();
+  event.preventDefault();
+});
+
 let remembered = null;
 try {
   remembered = localStorage.getItem("theme");
@@ -678,4 +733,4 @@ setPanel(innerWidth >= 760);
 showState();
 addEventListener("resize", resize);
 resize();
-frame();
+frame(performance.now());

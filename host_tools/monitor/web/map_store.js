@@ -7,6 +7,7 @@ const COARSE_STEP = 4; // cells along a coarse cell
 const COARSE_AT = 2 * TILE_AREA; // of a tile as kept
 export const TILE_WORDS = COARSE_AT + (TILE_SIDE / COARSE_STEP) ** 2;
 const BIN_Q8 = 16; // a sixteenth of a cell
+const UNKNOWN_DEEP = 0xffffffff; // deeper than any cell
 
 /** The coarse cell of a tile that stands in for its cell k; 0: none does. */
 export function coarseOver(tile, k) {
@@ -26,6 +27,9 @@ export class MapStore {
     this.depthBins = new Int32Array((Math.min(this.size[2] * 2, 2048) * 256) / BIN_Q8 + 1);
     this.sigmaBins = new Int32Array(31);
     this.firstTimeDs = Infinity;
+    this.obstacleM = -Infinity;
+    this.obstacleTiles = new Map(); // number -> what obstaclesOf() found, where it found some
+    this.obstacleCount = 0;
     // Known cells' bounds, in cells.
     this.bounds = null;
   }
@@ -47,6 +51,7 @@ export class MapStore {
       if (now[k] & 31) this.firstTimeDs = Math.min(this.firstTimeDs, now[TILE_AREA + k]);
     }
     this.tiles.set(id, now);
+    this.#noteObstacles(id, now);
     const north = Math.floor(id / this.tilesEast) * TILE_SIDE;
     const east = (id % this.tilesEast) * TILE_SIDE;
     const b = this.bounds ?? (this.bounds = { north0: north, north1: north, east0: east, east1: east });
@@ -62,6 +67,7 @@ export class MapStore {
     if (!tile) return;
     this.#countAll(tile, -1);
     this.tiles.delete(id);
+    this.#noteObstacles(id, null);
   }
 
   #countAll(tile, by) {
@@ -99,6 +105,7 @@ export class MapStore {
       sigmaM: this.sigmaOf(code),
       timeS: tile[TILE_AREA + k] / 10,
       secondSurface: (tile[k] & 32) !== 0,
+      disputed: (tile[k] & 64) !== 0,
     };
   }
   /** What stands in for a cell that is not known: { depthM, sigmaM, coarse: true }; of a known one, that; or null. */
@@ -114,6 +121,37 @@ export class MapStore {
       Math.floor(north / TILE_SIDE) * this.tilesEast + Math.floor(east / TILE_SIDE));
     return tile ? { tile, k: (north % TILE_SIDE) * TILE_SIDE + (east % TILE_SIDE) } : null;
   }
+  /** Depth (1/256 cell) that is drawn for a cell, coarse ones too; -1: none. */
+  drawnQ8(north, east) {
+    const found = this.#find(north, east);
+    if (!found) return -1;
+    const word = found.tile[found.k] & 31 ? found.tile[found.k] : coarseOver(found.tile, found.k);
+    return word & 31 ? word >>> 8 : -1;
+  }
+  /** The drawn surface over a cell that is drawn: depths (1/256 cell) of its corners, each the mean of the cells around
+      it: south-west, south-east, north-west, north-east. */
+  corners(north, east) {
+    return [[0, 0], [0, 1], [1, 0], [1, 1]].map(([dn, de]) => {
+      let sum = 0, count = 0;
+      for (const n of [north + dn - 1, north + dn]) {
+        for (const e of [east + de - 1, east + de]) {
+          const depth = this.drawnQ8(n, e);
+          if (depth < 0) continue;
+          sum += depth;
+          count++;
+        }
+      }
+      return sum / count;
+    });
+  }
+  /** Depth (metres) of the drawn surface at a place; null: nothing is drawn there. */
+  surfaceAt(northM, eastM) {
+    const n = (northM - this.originM[0]) / this.cellM, e = (eastM - this.originM[1]) / this.cellM;
+    const cell = [Math.floor(n), Math.floor(e)];
+    if (this.drawnQ8(...cell) < 0) return null;
+    return this.originM[2] + (facet(this.corners(...cell), n - cell[0], e - cell[1]) * this.cellM) / 256;
+  }
+
   /** The same by place, metres of the survey's frame. */
   at(northM, eastM) { return this.cell(...this.#index(northM, eastM)); }
   shownAt(northM, eastM) { return this.shownCell(...this.#index(northM, eastM)); }
@@ -144,25 +182,54 @@ export class MapStore {
     return this.sigmaOf(30);
   }
 
-  /** Known cells shallower than a depth: how many, the shallowest, and its place. Goes through the whole map. */
+  /** Known cells shallower than a depth: how many, the shallowest, and its place. Another depth than the last time goes
+      through the whole map; the same one through the tiles that have any. */
   obstacles(depthM) {
-    const found = { count: 0, depthM: Infinity, northM: 0, eastM: 0 };
+    if (depthM !== this.obstacleM) {
+      this.obstacleM = depthM;
+      this.obstacleTiles.clear();
+      this.obstacleCount = 0;
+      for (const [id, tile] of this.tiles) this.#noteObstacles(id, tile);
+    }
+    let id = -1, best = { k: 0, cell: UNKNOWN_DEEP };
+    for (const [tile, found] of this.obstacleTiles) {
+      if (found.cell < best.cell) [id, best] = [tile, found];
+    }
+    return {
+      count: this.obstacleCount, depthM: this.depthOf(best.cell),
+      northM: this.originM[0] + (Math.floor(id / this.tilesEast) * TILE_SIDE + Math.floor(best.k / TILE_SIDE) + 0.5) * this.cellM,
+      eastM: this.originM[1] + ((id % this.tilesEast) * TILE_SIDE + (best.k % TILE_SIDE) + 0.5) * this.cellM,
+    };
+  }
+  #noteObstacles(id, tile) {
+    this.obstacleCount -= this.obstacleTiles.get(id)?.count ?? 0;
+    this.obstacleTiles.delete(id);
+    const found = { count: 0, k: 0, cell: UNKNOWN_DEEP };
+    for (let k = 0; tile && k < TILE_AREA; k++) {
+      if (!(tile[k] & 31) || this.depthOf(tile[k]) >= this.obstacleM) continue;
+      found.count++;
+      if (tile[k] >>> 8 < found.cell >>> 8) [found.k, found.cell] = [k, tile[k]];
+    }
+    if (!found.count) return;
+    this.obstacleCount += found.count;
+    this.obstacleTiles.set(id, found);
+  }
+
+  /** Slope (degrees) that `share` of some thousand cells, from all over the map, do not exceed. */
+  slopeQuantile(share) {
+    const slopes = [];
+    const every = Math.max(Math.floor(this.tiles.size / 256), 1);
+    let i = 0;
     for (const [id, tile] of this.tiles) {
-      for (let k = 0; k < TILE_AREA; k++) {
-        if (!(tile[k] & 31)) continue;
-        const depth = this.depthOf(tile[k]);
-        if (depth >= depthM) continue;
-        found.count++;
-        if (depth < found.depthM) {
-          const north = Math.floor(id / this.tilesEast) * TILE_SIDE + Math.floor(k / TILE_SIDE);
-          const east = (id % this.tilesEast) * TILE_SIDE + (k % TILE_SIDE);
-          found.depthM = depth;
-          found.northM = this.originM[0] + (north + 0.5) * this.cellM;
-          found.eastM = this.originM[1] + (east + 0.5) * this.cellM;
-        }
+      if (i++ % every) continue;
+      for (let k = id % 7; k < TILE_AREA - TILE_SIDE - 1; k += 11) {
+        const [here, east, north] = [tile[k], tile[k + 1], tile[k + TILE_SIDE]];
+        if (!(here & 31 && east & 31 && north & 31) || k % TILE_SIDE === TILE_SIDE - 1) continue;
+        slopes.push(Math.hypot((east >>> 8) - (here >>> 8), (north >>> 8) - (here >>> 8)) / 256);
       }
     }
-    return found;
+    slopes.sort((a, b) => a - b);
+    return slopes.length ? (Math.atan(slopes[Math.floor(share * (slopes.length - 1))]) * 180) / Math.PI : 0;
   }
 
   /** Depths along a line between two places (metres), one sample per cell that it crosses or finer. */
@@ -200,6 +267,12 @@ export class MapStore {
     }
     return { squareM: Math.abs(twice) / 2, known: inside ? known / inside : 0 };
   }
+}
+
+/** Of the two triangles between a cell's corners, which meet from south-east to north-west: depth at north, east (0 .. 1). */
+export function facet([southWest, southEast, northWest, northEast], north, east) {
+  return north + east <= 1 ? southWest + east * (southEast - southWest) + north * (northWest - southWest)
+    : northEast + (1 - east) * (northWest - northEast) + (1 - north) * (southEast - northEast);
 }
 
 function contains(points, northM, eastM) {

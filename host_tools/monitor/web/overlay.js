@@ -136,9 +136,10 @@ export class Overlay {
     corners.forEach((p, i) => (i ? c.lineTo(p.x, p.y) : c.moveTo(p.x, p.y)));
     c.closePath();
     this.#stroke(2, this.ink);
-    c.fillStyle = vehicle.valid ? this.vehicleColour : this.halo;
+    c.fillStyle = vehicle.valid && !vehicle.silent ? this.vehicleColour : this.halo;
     c.fill();
-    if (!vehicle.valid) this.#label("last known position", here.x, here.y + 24);
+    if (vehicle.silent) this.#label(`last heard ${vehicle.silent}`, here.x, here.y + 24);
+    else if (!vehicle.valid) this.#label("last known position", here.x, here.y + 24);
     else if (vehicle.altitudeM !== null) this.#label(`${metres(vehicle.altitudeM, 1)} above the bottom`, here.x, here.y - 22);
   }
 
@@ -157,12 +158,9 @@ export class Overlay {
     c.fillText(text, middle, y + 0.5);
   }
 
-  /** A place with the depth of the seafloor there, to be drawn on it. */
+  /** A place on the seafloor as it is drawn there. */
   #onGround(place) {
-    const cell = this.scene.store.at(place.northM, place.eastM);
-    const store = this.scene.store;
-    const reference = store.originM[2] + (this.scene.shared.reference.value / 256) * store.cellM;
-    return this.scene.project({ ...place, downM: cell ? cell.depthM : reference });
+    return this.scene.project({ ...place, downM: this.scene.groundM(place) });
   }
 
   #points({ tool, points, hover, marker }) {

@@ -3,16 +3,17 @@
 // light, colour, contours and gaps are the shaders' business.
 import {
   ClampToEdgeWrapping, DataTexture, DoubleSide, BufferAttribute, BufferGeometry, FloatType, LinearFilter, Mesh,
-  NearestFilter, OrthographicCamera, PerspectiveCamera, RGBAFormat, RGBFormat, Scene, ShaderMaterial, Vector2, Vector3,
+  Box3, Frustum, Matrix4, NearestFilter, OrthographicCamera, PerspectiveCamera, RGBAFormat, RGBFormat, Scene, ShaderMaterial, Vector2, Vector3,
   WebGLRenderer, MOUSE, TOUCH,
 } from "/three/build/three.module.js";
 import { OrbitControls } from "/three/examples/jsm/controls/OrbitControls.js";
-import { TILE_AREA, TILE_SIDE, TILE_WORDS, coarseOver } from "./map_store.js";
+import { TILE_AREA, TILE_SIDE, TILE_WORDS, coarseOver, facet } from "./map_store.js";
 
 const CHUNK = 128; // cells
 const RIM = 1;
 const TEXTURE = CHUNK + 2 * RIM;
 const STRIDES = [1, 2, 4];
+const GLIDE_MS = 400;
 
 const COARSE = 8; // beside a texel's flags: it stands in for cells that have not come
 
@@ -102,6 +103,11 @@ void main() {
               + 0.07 * max(dot(normal, normalize(vec3(0.6, 1.0, -1.0))), 0.0);
   colour *= clamp(light, 0.25, 1.25);
   if (coarse && fract((gl_FragCoord.x - gl_FragCoord.y) / (9.0 * pixel_ratio)) < 0.25) colour = mix(colour, vec3(1.0), 0.35);
+  // Where merged surveys contradict each other (bit 1 of the flags).
+  if (!coarse && mod(floor(cell.a / 2.0), 2.0) > 0.5) {
+    vec2 square = floor(gl_FragCoord.xy / (4.0 * pixel_ratio));
+    colour = mix(colour, vec3(0.78, 0.0, 0.62), mod(square.x + square.y, 2.0) < 0.5 ? 0.8 : 0.15);
+  }
   if (!gl_FrontFacing) colour *= 0.3;  // seen from below, through a gap
   // A coarse cell is flat: where its depth is a contour's, all of it would be one.
   if (contour_m > 0.0 && !coarse) {
@@ -110,6 +116,8 @@ void main() {
     float from_line = abs(level - floor(level + 0.5)) / width / pixel_ratio;
     bool thick = mod(floor(level + 0.5), 5.0) < 0.5;
     float line = 1.0 - smoothstep(thick ? 0.7 : 0.4, thick ? 1.4 : 1.0, from_line);
+    // A cell that is quite flat at a contour's depth would be one altogether.
+    line *= step(2e-5, width);
     // Lines that would touch each other fade.
     line *= (thick ? 0.85 : 0.5) * (1.0 - smoothstep(0.12, 0.3, width));
     colour = mix(colour, contour_colour, line);
@@ -385,6 +393,36 @@ export class SeafloorScene {
     this.#moved();
   }
 
+  /** As fit(), but the view glides there: glideOn() moves it. */
+  glideTo(margins, vehicle) {
+    const views = () => ({ reference: this.shared.reference.value, span: this.mapSpanM / this.flat.zoom,
+      places: [this.perspective.position, this.orbit.target, this.flat.position, this.pan.target].map((place) => place.clone()) });
+    const from = views();
+    this.fit(margins, vehicle);
+    const to = views();
+    // The fit may have moved the depth that heights are drawn from: what is seen must not hop.
+    const upM = ((to.reference - from.reference) / 256) * this.store.cellM * this.shared.exaggeration.value;
+    for (const place of from.places.slice(0, 2)) place.y += upM;
+    this.glide = { from, to, begunMs: null };
+    this.glideOn(null);
+  }
+
+  /** Moves a view that glides; `nowMs` is the picture's time, null: its beginning. */
+  glideOn(nowMs) {
+    const { from, to, begunMs } = this.glide;
+    if (nowMs !== null && begunMs === null) this.glide.begunMs = nowMs;
+    const t = nowMs === null || begunMs === null ? 0 : Math.min((nowMs - begunMs) / GLIDE_MS, 1);
+    const share = t * t * (3 - 2 * t);
+    [this.perspective.position, this.orbit.target, this.flat.position, this.pan.target].forEach((place, i) =>
+      place.copy(from.places[i]).lerp(to.places[i], share));
+    this.mapSpanM = from.span + (to.span - from.span) * share;
+    this.#sizeFlat();
+    this.orbit.update();
+    this.pan.update();
+    if (t >= 1) this.glide = null;
+    this.#moved();
+  }
+
   /** The corners of what is to be seen. */
   #corners(vehicle) {
     const store = this.store;
@@ -511,6 +549,11 @@ export class SeafloorScene {
       -(northM - this.centreM.north));
   }
 
+  /** Depth of what is drawn at a place; where nothing is, of the plane that heights are drawn from. */
+  groundM({ northM, eastM }) {
+    return this.store.surfaceAt(northM, eastM) ?? this.store.originM[2] + (this.shared.reference.value / 256) * this.store.cellM;
+  }
+
   /** Where a place is on the screen; null: behind the viewer. */
   project(place) {
     const at = this.world(place).project(this.camera);
@@ -525,8 +568,8 @@ export class SeafloorScene {
           Math.tan((this.perspective.fov * Math.PI) / 360)) / this.height;
   }
 
-  /** The place under a point of the screen: of the first known cell that the ray meets, else (map, or a ray that goes
-      down) where it leaves the reference depth. Null: the sky. */
+  /** The place under a point of the screen: where the ray meets what is drawn, else (map, or a ray that goes down) where
+      it leaves the reference depth, where nothing is drawn. Null: the sky. */
   pick(x, y) {
     const store = this.store;
     if (!store) return null;
@@ -548,11 +591,13 @@ export class SeafloorScene {
     if (hit) return hit;
     const t = (referenceM - from.d) / by.d;
     if (!(by.d > 0) || !(t > 0) || t > 1) return null;
-    return { northM: store.originM[0] + (from.n + t * by.n) * store.cellM,
-             eastM: store.originM[1] + (from.e + t * by.e) * store.cellM };
+    const n = from.n + t * by.n, e = from.e + t * by.e;
+    // Past the rim of the seafloor and over or under another part of it: that part is not what is pointed at.
+    if (store.drawnQ8(Math.floor(n), Math.floor(e)) >= 0) return null;
+    return { northM: store.originM[0] + n * store.cellM, eastM: store.originM[1] + e * store.cellM };
   }
 
-  /** Cell by cell along the ray: the first whose depth it reaches. */
+  /** Cell by cell along the ray: where it first meets what is drawn. */
   #march(from, by) {
     const store = this.store;
     let t0 = 0, t1 = 1;
@@ -570,9 +615,9 @@ export class SeafloorScene {
       const nextN = by.n === 0 ? Infinity : ((by.n > 0 ? n + 1 : n) - from.n) / by.n;
       const nextE = by.e === 0 ? Infinity : ((by.e > 0 ? e + 1 : e) - from.e) / by.e;
       const leave = Math.min(nextN, nextE, t1);
-      const cell = store.shownCell(n, e);
-      if (cell && Math.max(from.d + t * by.d, from.d + leave * by.d) >= cell.depthM) {
-        return { northM: store.originM[0] + (n + 0.5) * store.cellM, eastM: store.originM[1] + (e + 0.5) * store.cellM };
+      if (store.drawnQ8(n, e) >= 0) {
+        const hit = this.#cross(from, by, n, e, t, leave);
+        if (hit) return hit;
       }
       if (nextN <= nextE) n += Math.sign(by.n); else e += Math.sign(by.e);
       t = leave;
@@ -580,8 +625,30 @@ export class SeafloorScene {
     return null;
   }
 
+  /** Where the ray, which is over cell n, e from t0 to t1, goes through the cell's two triangles. */
+  #cross(from, by, n, e, t0, t1) {
+    const store = this.store, corners = store.corners(n, e);
+    const inside = (share) => Math.min(Math.max(share, 0), 1 - 1e-9);
+    const at = (t) => ({ n: inside(from.n + t * by.n - n), e: inside(from.e + t * by.e - e) });
+    const under = (t) => {
+      const { n: north, e: east } = at(t);
+      return from.d + t * by.d - store.originM[2] - (facet(corners, north, east) * store.cellM) / 256;
+    };
+    // The line where the triangles meet.
+    const seam = (n + e + 1 - from.n - from.e) / (by.n + by.e);
+    const stops = seam > t0 && seam < t1 ? [t0, seam, t1] : [t0, t1];
+    for (let i = 1; i < stops.length; i++) {
+      const a = under(stops[i - 1]), b = under(stops[i]);
+      if (a * b > 0) continue;
+      const { n: north, e: east } = at(a === b ? stops[i] : stops[i - 1] + ((stops[i] - stops[i - 1]) * a) / (a - b));
+      return { northM: store.originM[0] + (n + north) * store.cellM, eastM: store.originM[1] + (e + east) * store.cellM };
+    }
+    return null;
+  }
+
   render() {
     if (!this.width) return;
+    this.#hideUnseen();
     // Where cells are smaller than pixels, a coarser mesh shows as much.
     for (const chunk of this.chunks.values()) {
       const level = this.#level(chunk);
@@ -589,6 +656,21 @@ export class SeafloorScene {
       chunk.mesh.material.uniforms.stride.value = STRIDES[level];
     }
     this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Chunks beside the view cost nothing. */
+  #hideUnseen() {
+    const store = this.store;
+    if (!store) return;
+    this.camera.updateMatrixWorld();
+    const seen = new Frustum();
+    seen.setFromMatrix(new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.camera.matrixWorldInverse));
+    const [shallowM, deepM] = [store.depthQuantile(0) - store.cellM, store.depthQuantile(1) + store.cellM];
+    for (const { mesh, column, row } of this.chunks.values()) {
+      const corner = (north, east, downM) => this.world({ northM: store.originM[0] + north * CHUNK * store.cellM,
+        eastM: store.originM[1] + east * CHUNK * store.cellM, downM });
+      mesh.visible = seen.intersectsBox(new Box3().setFromPoints([corner(row, column, shallowM), corner(row + 1, column + 1, deepM)]));
+    }
   }
 
   #level(chunk) {

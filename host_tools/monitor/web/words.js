@@ -18,6 +18,12 @@ export function sigma(valueM) {
   return valueM < 0.995 ? `${fixed(valueM * 100, valueM < 0.095 ? 1 : 0)} cm` : `${fixed(valueM, valueM < 10 ? 1 : 0)} m`;
 }
 
+/** "045°": which way from here to a place so far north and east. */
+export function bearing(northM, eastM) {
+  const degrees = Math.round((Math.atan2(eastM, northM) * 180) / Math.PI + 360) % 360;
+  return `${String(degrees).padStart(3, "0")}°`;
+}
+
 export function squareMetres(value) {
   return value >= 1e6 ? `${fixed(value / 1e6, 2)} km²` : value >= 1e4 ? `${fixed(value / 1e4, 2)} ha` : `${fixed(value, 1)} m²`;
 }
@@ -58,37 +64,67 @@ export function degrees(value, positive, negative) {
 const SILENT_S = 10; // a slow link pauses for seconds; receive says so after the same time
 
 export function silent(state) {
-  return !state.player && state.link.silent_s >= SILENT_S;
+  return !state.player && !state.stored && state.link.silent_s >= SILENT_S;
 }
 
-/** The state in a few words: { kind: "none" | "lost" | "bad" | "warn" | "ok" | "replay", words }. */
-export function stateWords(state, connected) {
-  if (!connected) return { kind: "lost", words: "Monitor not reached" };
+/** Bytes come, and no whole frame any more: noise, or another rate. */
+function noise(state) {
+  return silent(state) && state.link.bytes_per_s > 0;
+}
+
+/** "14:03:20": when something was that is so many seconds ago. */
+export function timeOfDay(agoS) {
+  return new Date(Date.now() - agoS * 1000).toLocaleTimeString("en-GB");
+}
+
+/** "2026-11-30 14:29 UTC" */
+export function dateTime(unixS) {
+  return `${new Date(unixS * 1000).toISOString().slice(0, 16).replace("T", " ")} UTC`;
+}
+
+/** What stands over the figures while nobody renews them; null: somebody does. `link` as for stateWords. */
+export function staleWords(state, link) {
+  if (!link.connected) return "The monitor is not reached: figures are of the last moment";
+  if (link.quietS) return "The monitor says nothing: figures are of its last word";
+  if (!state || !silent(state)) return null;
+  return `${noise(state) ? "Bytes come, but no whole frame" : "The vehicle has been silent"} since ${link.silentSince}: figures are of its last word`;
+}
+
+/** The state in a few words: { kind: "none" | "lost" | "bad" | "warn" | "ok" | "replay", words }.
+ * @param link the page's own connection to the monitor: connected, quietS (nothing came for so long, 0: something does),
+ *   silentSince (time of day of the vehicle's last frame) */
+export function stateWords(state, link) {
+  if (!link.connected) return { kind: "lost", words: "Monitor not reached" };
+  if (link.quietS) return { kind: "lost", words: `Monitor silent for ${duration(link.quietS)}` };
   if (!state) return { kind: "none", words: "Connecting" };
   if (state.link.refused) return { kind: "bad", words: "Vehicle refused" };
+  if (state.stored) return { kind: "replay", words: "Stored survey" };
   if (state.player) {
     const p = state.player;
     return { kind: "replay", words: p.seeking ? "Going there" : p.playing ? `Replay, ${p.speed} ×` : "Replay, paused" };
   }
-  if (state.link.silent_s < 0) return { kind: "none", words: "No link yet" };
-  if (silent(state)) return { kind: "bad", words: `Vehicle silent since ${duration(state.link.silent_s)}` };
+  if (state.link.silent_s < 0) return { kind: "none", words: state.link.bytes ? "Bytes, but no frame" : "No link yet" };
+  if (silent(state)) return { kind: "bad", words: `${noise(state) ? "Only noise" : "Vehicle silent"} for ${duration(state.link.silent_s)}` };
   if (!state.map) return { kind: "none", words: "Link heard, no hello yet" };
   if (state.vehicle?.mapping_paused) return { kind: "warn", words: "Mapping paused" };
   return state.vehicle?.alarms ? { kind: "warn", words: "Live, with alarms" } : { kind: "ok", words: "Live" };
 }
 
 /** What stands in the empty stage: null when there is a map. */
-export function emptyWords(state, connected) {
-  if (!connected) {
+export function emptyWords(state, link) {
+  if (!link.connected) {
     return ["The monitor is not reached", "The program ended, or this machine cannot reach it. The page tries again by itself."];
   }
   if (!state) return ["Connecting", ""];
   if (state.link.refused) return ["This vehicle is not understood", state.link.refused];
+  if (state.stored) {
+    return state.map.known_cells > 0 ? null : ["Nothing is stored yet", "This survey of the store has no cells."];
+  }
   if (state.map) {
     return state.map.known_cells > 0 || state.map.coarse_tiles > 0 ? null
       : ["No seafloor yet", "The vehicle is heard; the first cells appear here as soon as they are sent."];
   }
-  if (state.link.silent_s < 0 && !state.player) {
+  if (!state.link.bytes && !state.player) {
     return ["No link yet", `Waiting for a vehicle at ${state.link.uri}${state.link.port ? ` (${state.link.port})` : ""}.`];
   }
   if (state.link.frames === 0) {
@@ -100,7 +136,7 @@ export function emptyWords(state, connected) {
 const REASONS = {
   shed: "queue full", no_return: "no return", range_too_short: "too near", range_too_long: "beyond range",
   pose_invalid: "pose invalid", too_far: "outside the grid", not_detected: "no bottom found",
-  not_configured: "not configured", no_pose: "no pose", bad: "bad fields", paused: "mapping paused",
+  not_configured: "not configured", no_pose: "no pose", bad: "bad fields", paused: "mapping paused", stopped: "survey stopped",
 };
 
 function quality(link) {
@@ -118,8 +154,16 @@ function quality(link) {
 export function healthRows(state) {
   const rows = [];
   const add = (id, label, words, level = "ok", share = null, detail = "") => rows.push({ id, label, words, level, share, detail });
-  const { link, map, vehicle } = state;
-  if (!state.player) {
+  const { link, map, vehicle, stored } = state;
+  if (stored) {
+    add("survey", "Survey", `no. ${stored.number}`, "ok", null, `${stored.path}, ${stored.kind === "merged" ? "merged from others" : "from a vehicle's link"}`);
+    add("begun", "Begun", dateTime(stored.begun_unix_s));
+    add("saved", "Last saved", dateTime(stored.saved_unix_s));
+    if (stored.disputed_cells) {
+      add("disputed", "Surveys disagree", `${grouped(stored.disputed_cells)} cells`, "warn", null, "checkered: the shallowest is shown");
+    }
+    if (stored.damaged_tiles) add("damaged", "Damaged on disk", `${grouped(stored.damaged_tiles)} tiles`, "bad", null, "left out");
+  } else if (!state.player) {
     const q = quality(link);
     add("link", "Link", q.words, q.level);
     const budget = link.budget_bytes_per_s;

@@ -13,28 +13,35 @@
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/monitor/live_map.hpp"
 #include "host_tools/monitor/page_messages.hpp"
+#include "host_tools/monitor/page_state.hpp"
 #include "host_tools/monitor/player.hpp"
 #include "host_tools/monitor/rate_window.hpp"
 #include "host_tools/monitor/track.hpp"
 #include "host_tools/topside/receiver.hpp"
+#include "model/base/pose.hpp"
 #include "tests/support/proto_samples.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
 
+using leadline::host::kDisputedCell;
 using leadline::host::kPageTile_bytes;
 using leadline::host::kTileHeader_bytes;
 using leadline::host::LiveMap;
 using leadline::host::LiveTile;
 using leadline::host::next_page_message;
+using leadline::host::OpenedSurvey;
 using leadline::host::PageContent;
 using leadline::host::PageCursor;
 using leadline::host::PageMessage;
 using leadline::host::PageRequest;
+using leadline::host::PageState;
+using leadline::host::PageSurroundings;
 using leadline::host::parse_page_request;
 using leadline::host::RateWindow;
 using leadline::host::TileStore;
 using leadline::host::Track;
+using leadline::host::TrackPoint;
 using leadline::proto::CodedCell;
 using leadline::proto::Hello;
 using leadline::proto::kTileArea_cells;
@@ -137,6 +144,37 @@ void assert_same_map(const Viewer& viewer, const TileStore& store) {
     }
   }
   assert_int_equal(viewer.tiles.size(), known);
+}
+
+TEST(a_stored_survey_is_described_as_one_and_its_disputed_cells_are_marked) {
+  OpenedSurvey opened;
+  opened.map = std::make_unique<TileStore>(square_grid(32));
+  (void)opened.map->apply(change(2, 1, 7, 2000));
+  opened.survey.number = 4;
+  opened.survey.kind = "merged";
+  opened.survey.name = "both days";
+  opened.disputed.resize(4);
+  opened.disputed[2].set(7);
+  opened.disputed[3].set(0);  // of a tile that never came
+
+  LiveMap map;
+  map.follow(*opened.map, 0);
+  map.mark_disputed(opened.disputed);
+  const LiveTile& tile = *map.tile(2);
+  assert_int_equal(tile.cells[7], opened.map->tile(2)->cells[7] | kDisputedCell);
+  assert_int_equal(tile.cells[8], opened.map->tile(2)->cells[8]);
+  assert_null(map.tile(3));
+
+  PageSurroundings around;
+  around.stored = &opened;
+  around.stored_path = "a.lls#4";
+  const auto json =
+      nlohmann::json::parse(PageState().json(leadline::host::Receiver{}, around, 0.0));
+  assert_string_equal(json["map"]["name"].get<std::string>().c_str(), "both days");
+  assert_int_equal(json["map"]["known_cells"].get<int>(), opened.map->known_cells());
+  assert_int_equal(json["stored"]["number"].get<int>(), 4);
+  assert_int_equal(json["stored"]["disputed_cells"].get<int>(), 2);
+  assert_true(json["vehicle"].is_null() && json["player"].is_null());
 }
 
 TEST(who_comes_late_gets_everything_once_then_changes_only) {
@@ -284,6 +322,44 @@ TEST(a_track_is_bounded_and_keeps_its_gaps) {
     track.add({static_cast<float>(k), 0, 0, static_cast<float>(k)}, 1.0);
     assert_true(track.points().size() <= Track::kMaxPoints);
   }
+}
+
+std::size_t gaps_of(const Track& track) {
+  return static_cast<std::size_t>(
+      std::count_if(track.points().begin(), track.points().end(),
+                    [](const TrackPoint& point) { return std::isnan(point.north_m); }));
+}
+
+TEST(a_track_is_not_drawn_over_what_nobody_saw) {
+  Track track;
+  leadline::proto::Status status{};
+  const auto go = [&](std::int64_t t_s, std::int32_t north_m, std::uint16_t epoch,
+                      std::uint32_t alarms, bool valid) {
+    status.t_us = t_s * 1'000'000;
+    status.position_mm[0] = north_m * 1000;
+    status.pose_epoch = epoch;
+    status.alarms = alarms;
+    status.pose_validity = valid ? leadline::base::kPoseHorizontal : 0;
+    track.follow(status, 0.1);
+  };
+  go(1, 0, 3, 0, true);
+  go(2, 1, 3, 0, true);
+  assert_int_equal(gaps_of(track), 0);
+  go(3, 40, 4, 0, true);  // navigation jumped
+  assert_int_equal(gaps_of(track), 1);
+  go(4, 80, 4, leadline::proto::kAlarmPoseEpoch, true);  // and again, by a brief
+  assert_int_equal(gaps_of(track), 2);
+  go(5, 81, 4, leadline::proto::kAlarmPoseEpoch, true);  // still said
+  assert_int_equal(gaps_of(track), 2);
+  go(25, 82, 4, 0, true);
+  assert_int_equal(gaps_of(track), 2);
+  go(46, 90, 4, 0, true);  // a minute's silence
+  assert_int_equal(gaps_of(track), 3);
+  go(47, 90, 4, 0, false);
+  go(48, 95, 4, 0, true);  // no position between
+  assert_int_equal(gaps_of(track), 4);
+  go(1, 96, 4, 0, true);  // its clock stepped back
+  assert_int_equal(gaps_of(track), 5);
 }
 
 TEST(a_viewer_gets_a_thinned_track_anew) {
