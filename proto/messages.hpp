@@ -131,7 +131,8 @@ enum Alarm : std::uint32_t {
   kAlarmLeak = 1U << 13U,          ///< a leak switch is wet
   kAlarmStopped = 1U << 14U,       ///< the survey was stopped by a command: nothing is mapped
   kAlarmForeignTopside =
-      1U << 15U,  ///< a topside of another major asked in the last minute: refused
+      1U << 15U,                   ///< a topside of another major asked in the last minute: refused
+  kAlarmStoreFailing = 1U << 16U,  ///< the vehicle's store does not take the map's pages
 };
 
 inline constexpr int kMaxStatusPorts = 8;

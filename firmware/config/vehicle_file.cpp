@@ -408,6 +408,11 @@ void read_store(TomlReader* reader, const std::string& base_dir, VehicleFile* fi
     section.find_missing("path is missing");
   }
   section.read_path("path", base_dir, &file->store.path);
+  for (const std::string* other : {&file->log.path, &file->commands.key_path}) {
+    if (!file->store.path.empty() && file->store.path == *other) {
+      section.refuse("path", "is the name of another file of this configuration");
+    }
+  }
   constexpr double kLeastWindow_tiles = 9;
   const std::int64_t depth_cells = file->grid.size[2];
   const std::uint32_t most_tiles = most_window_tiles(depth_cells);
@@ -618,8 +623,8 @@ VehicleFile parse_vehicle_file(std::string_view text, const std::string& name,
   read_ports(&reader, &file);
   read_link(&reader, &file);
   read_log(&reader, base_dir, &file);
-  read_store(&reader, base_dir, &file);
   read_commands(&reader, base_dir, &file);
+  read_store(&reader, base_dir, &file);
   reader.finish();
   file.config.sound_speed_mm_s = static_cast<std::int32_t>(file.ranges.sound_speed_mm_s);
   file.config.model = to_model_config(file.grid, file.ranges, file.sigmas, file.model, name,

@@ -1,5 +1,6 @@
 #include "firmware/linux/check_config.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <utility>
@@ -104,6 +105,23 @@ void configure_vehicle(const VehicleFile& file, const std::vector<model::Localiz
     throw HostError(ExitCode::kUsage, config_name + ": the vehicle refuses this configuration: " +
                                           base::status_text(status));
   }
+}
+
+std::string window_warning(const model::ModelConfig& model) {
+  const std::int64_t range_cells = model.max_range_um / (std::int64_t{model.cell_mm} * 1000);
+  // Flat and to north-east, where its box is largest; with its footprint to both sides.
+  const std::int64_t side =
+      (range_cells * 71 / 100 + 2 * model::kMaxFootprintCells) / model::kTileCells + 2;
+  const auto tiles = [&model](int axis) {
+    return std::int64_t{(model.size[axis] + model::kTileCells - 1) / model::kTileCells};
+  };
+  const std::int64_t most = std::min(side, tiles(0)) * std::min(side, tiles(1));
+  if (std::int64_t{model.resident_tiles} >= most) {
+    return "";
+  }
+  return "leadline-vehicle: [store] window_tiles = " + std::to_string(model.resident_tiles) +
+         ": a flat ping of max_range_mm can need some " + std::to_string(most) +
+         " tiles at once; what needs more than the window is shed\n";
 }
 
 std::string check_report_text(const VehicleFile& file, const firmware::Vehicle& vehicle) {

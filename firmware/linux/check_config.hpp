@@ -12,6 +12,9 @@ namespace leadline::host {
 void configure_vehicle(const VehicleFile& file, const std::vector<model::LocalizationTable>& tables,
                        firmware::Vehicle& vehicle, const std::string& config_name);
 
+/// A line for whom the window may be too small for the sonar's range; "" where it cannot be.
+[[nodiscard]] std::string window_warning(const model::ModelConfig& model);
+
 /// The resolved configuration as TOML, then memory and work bound as comments of the same TOML.
 [[nodiscard]] std::string check_report_text(const VehicleFile& file,
                                             const firmware::Vehicle& vehicle);

@@ -91,7 +91,7 @@ void add_options(CLI::App* app, Options* options) {
       "file:PATH; udp:@:PORT and tcp:@:PORT listen.\n"
       "Exit status: 0 done, 2 usage or configuration, 3 input (a table, the emulator), 4 output "
       "(the\n"
-      "log cannot be created, or lost records), 1 internal error.");
+      "log cannot be created, or lost records; the store lacks something), 1 internal error.");
 }
 
 leadline::hal::UriSpec uri_of(const std::string& option, const std::string& text) {
@@ -184,6 +184,7 @@ int fly(VehicleFile& file, const Options& options) {
       std::cerr << kProgram << ": store " << pages->path() << ": resumes a map of "
                 << pages->pages_found() << " tiles\n";
     }
+    std::cerr << leadline::host::window_warning(file.config.model);
   }
   const std::unique_ptr<leadline::host::CommandPort> commands = make_command_port(file);
   leadline::host::VehicleLoop loop(file, tables, the_vehicle, recorder.get(), pages.get(),
@@ -199,7 +200,7 @@ int fly(VehicleFile& file, const Options& options) {
   const leadline::host::RunReport report = {summary, real_time, recorder.get(),
                                             options.timing ? &loop.timing() : nullptr};
   std::cout << leadline::host::summary_text(the_vehicle, report, options.json);
-  return static_cast<int>(recorded ? ExitCode::kOk : ExitCode::kOutput);
+  return static_cast<int>(recorded && summary.stored ? ExitCode::kOk : ExitCode::kOutput);
 }
 
 int run(const Options& options, bool log_given) {

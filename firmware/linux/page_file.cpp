@@ -9,6 +9,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "firmware/config/exit_codes.hpp"
@@ -86,6 +87,16 @@ std::int64_t PageFile::offset_of(std::uint32_t slot, std::uint32_t offset) const
   return static_cast<std::int64_t>(slot) * slot_bytes_ + offset;
 }
 
+// Nothing of a store is in it, and it begins with something: somebody's other file. (What a cut has left of a first
+// page begins with zeros, or with the head of one.)
+bool PageFile::is_foreign_file() const {
+  const firmware::PageStoreCounters& counters = store_->counters();
+  std::uint8_t head[firmware::kPageHeader_bytes];
+  const bool begun = read_whole(fd_, head, sizeof head, 0) &&
+                     std::any_of(head, head + sizeof head, [](std::uint8_t b) { return b != 0; });
+  return begun && pages_found_ == 0 && counters.slots_damaged == 0;
+}
+
 PageFile::PageFile(const std::string& path, const firmware::VehicleConfig& config,
                    const std::vector<model::LocalizationTable>& tables)
     : path_(path), store_(std::make_unique<firmware::PageStore>()) {
@@ -103,37 +114,61 @@ PageFile::PageFile(const std::string& path, const firmware::VehicleConfig& confi
   if (fd_ < 0) {
     throw HostError(ExitCode::kOutput, path + ": cannot open the store: " + std::strerror(errno));
   }
-  if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+  try {
+    open_store(config, tables, tile_count);
+  } catch (const HostError&) {
     ::close(fd_);
-    throw HostError(ExitCode::kOutput, path + ": the store is in use by another vehicle");
+    throw;
+  }
+  thread_ = std::thread([this] { run(); });
+}
+
+void PageFile::open_store(const firmware::VehicleConfig& config,
+                          const std::vector<model::LocalizationTable>& tables,
+                          std::uint32_t tile_count) {
+  struct stat file {};
+  if (::fstat(fd_, &file) != 0 || !S_ISREG(file.st_mode)) {
+    throw HostError(ExitCode::kUsage, path_ + ": [store] path has to name an ordinary file");
+  }
+  if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+    throw HostError(ExitCode::kOutput, path_ + ": the store is in use by another vehicle");
   }
   const firmware::PageDevice device = {
       this,
       slot_count_,
       slot_bytes_,
       [](void* context, std::uint32_t slot, std::uint32_t offset, void* out, std::uint32_t size) {
-        const auto* const file = static_cast<PageFile*>(context);
-        return read_whole(file->fd_, out, size, file->offset_of(slot, offset));
+        const auto* const store = static_cast<PageFile*>(context);
+        return read_whole(store->fd_, out, size, store->offset_of(slot, offset));
       },
       [](void*, std::uint32_t) { return true; },
       [](void* context, std::uint32_t slot, std::uint32_t offset, const void* data,
          std::uint32_t size) {
-        const auto* const file = static_cast<PageFile*>(context);
-        return write_whole(file->fd_, data, size, file->offset_of(slot, offset));
+        const auto* const store = static_cast<PageFile*>(context);
+        return write_whole(store->fd_, data, size, store->offset_of(slot, offset));
       },
       [](void* context) { return ::fdatasync(static_cast<PageFile*>(context)->fd_) == 0; }};
   const base::Status status =
       store_->mount(device, layout_of(config.model, tables), tile_count, payload_bytes_);
   const bool foreign = store_->counters().slots_foreign > 0;
   if (status != base::Status::kOk || foreign) {
-    ::close(fd_);
-    throw HostError(ExitCode::kUsage,
-                    path + (foreign ? ": holds pages of another map (grid, rule or tables differ); "
-                                      "move it away, or name another file in [store] path"
-                                    : std::string(": ") + base::status_text(status)));
+    throw HostError(
+        ExitCode::kUsage,
+        path_ + (foreign ? ": holds pages of another map (grid, rule or tables differ); "
+                           "move it away, or name another file in [store] path"
+                         : std::string(": ") + base::status_text(status)));
   }
   announce();
-  thread_ = std::thread([this] { run(); });
+  if (is_foreign_file()) {
+    throw HostError(ExitCode::kUsage,
+                    path_ +
+                        ": is no store of a map, and would be overwritten; move it away, or "
+                        "name another file in [store] path");
+  }
+  if (store_->counters().slots_damaged > 0) {
+    say(std::to_string(store_->counters().slots_damaged) +
+        " pages were begun and are not whole: those before them count");
+  }
 }
 
 PageFile::~PageFile() {
@@ -207,6 +242,11 @@ void PageFile::take(base::TimeUs t_us, ChunkBuffer* chunks) {
   }
 }
 
+void PageFile::wait_answered() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  idle_.wait(lock, [this] { return jobs_.empty() && !busy_; });
+}
+
 void PageFile::finish() {
   Answer message(1);
   (void)firmware::put_store_finish(message.data());
@@ -268,9 +308,12 @@ void PageFile::run() {
     }
     const Job job = std::move(jobs_.front());
     jobs_.pop_front();
+    busy_ = true;
     lock.unlock();
     carry_out(job);
     lock.lock();
+    busy_ = false;
+    idle_.notify_all();
   }
 }
 

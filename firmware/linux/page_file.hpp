@@ -31,7 +31,8 @@ class PageFile {
   static constexpr std::size_t kPiece_bytes = 2000;
 
   /// Opens or creates the file, reads all of it, and starts the thread; `config` has resident_tiles. Throws
-  /// HostError: kOutput (cannot be created or locked), kUsage (pages of another map are in it).
+  /// HostError: kOutput (cannot be created or locked), kUsage (pages of another map are in it, or no pages at all:
+  /// somebody's other file).
   PageFile(const std::string& path, const firmware::VehicleConfig& config,
            const std::vector<model::LocalizationTable>& tables);
   /// Carries out what was asked, then closes.
@@ -43,6 +44,8 @@ class PageFile {
   void ask(const firmware::StoreOutput& output);
   /// Vehicle thread: puts answers into the cycle's input, as far as their share goes.
   void take(base::TimeUs t_us, ChunkBuffer* chunks);
+  /// Vehicle thread, virtual time: waits until all that was asked is answered, so that a flight repeats on any disk.
+  void wait_answered();
   /// Vehicle thread: the survey ends. The vehicle will save everything.
   void finish();
 
@@ -58,6 +61,9 @@ class PageFile {
   };
   using Answer = std::vector<std::uint8_t>;
 
+  void open_store(const firmware::VehicleConfig& config,
+                  const std::vector<model::LocalizationTable>& tables, std::uint32_t tile_count);
+  [[nodiscard]] bool is_foreign_file() const;
   void announce();
   void run();
   void carry_out(const Job& job);
@@ -76,9 +82,11 @@ class PageFile {
 
   std::mutex mutex_;
   std::condition_variable wake_;
+  std::condition_variable idle_;
   std::deque<Job> jobs_;
   std::deque<Answer> answers_;
   bool stopping_ = false;
+  bool busy_ = false;  ///< a job is under way
   std::thread thread_;
 };
 

@@ -26,7 +26,7 @@ constexpr base::TimeUs kReportInterval_us = 1'000'000;
 constexpr std::int64_t kFastDrain_us = 1000;
 /// Room for the program's own chunks (but the store's) beside the shares of the sources.
 constexpr std::size_t kOwnChunk_bytes = 384;
-/// At the end: pages that are not yet saved may take so long.
+/// At the end: pages that are not yet saved may take so long; a store that fails gets drain_us.
 constexpr std::int64_t kStoreDrain_us = 60'000'000;
 static_assert(firmware::kMaxHostReport_bytes + 2 * firmware::kMaxCommandEvent_bytes <=
                   kOwnChunk_bytes,
@@ -282,6 +282,9 @@ void VehicleLoop::run_cycle(base::TimeUs t_us) {
   cycle_begun_us_ = start_us;
   add_host_report(t_us);
   if (pages_ != nullptr) {
+    if (lockstep()) {
+      pages_->wait_answered();
+    }
     pages_->take(t_us, &chunks_);
   }
   if (commands_ != nullptr) {
@@ -456,7 +459,8 @@ void VehicleLoop::drain(const volatile std::sig_atomic_t& stop) {
     }
     summary_.stored = pages_ == nullptr || (finish_said_ && vehicle_.stored());
     const bool store_given_up =
-        monotonic_us() - real_begin_us >= options_.drain_us + kStoreDrain_us;
+        monotonic_us() - real_begin_us >=
+        options_.drain_us + (vehicle_.pager().failing() ? options_.drain_us : kStoreDrain_us);
     if (!summary_.stored && !store_given_up) {
       continue;
     }

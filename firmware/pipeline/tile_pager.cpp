@@ -45,6 +45,16 @@ bool in_box(const TileBox& box, std::int32_t north, std::int32_t east) {
   return north >= box.north0 && north <= box.north1 && east >= box.east0 && east <= box.east1;
 }
 
+bool all_in_memory(const TileBox& box, const Grid& grid) {
+  bool all = true;
+  for (std::int32_t n = box.north0; n <= box.north1; ++n) {
+    for (std::int32_t e = box.east0; e <= box.east1; ++e) {
+      all = all && grid.resident(static_cast<TileId>(n * grid.tiles_east() + e));
+    }
+  }
+  return all;
+}
+
 // Its depths are up to date: the map is not older than the voxels that leave.
 bool is_read(const TileRecord& tile) { return tile.generation_read == tile.generation; }
 
@@ -99,6 +109,7 @@ void TilePager::configure(const Grid& grid, std::int32_t reach_cells, bool has_s
   has_store_ = has_store;
   ready_ = !has_store;
   finishing_ = false;
+  failing_ = false;
   cycle_ = 0;
   save_due_ = 0;
   save_cursor_ = 0;
@@ -163,6 +174,7 @@ void TilePager::take_piece(TileId tile, std::uint32_t offset, const std::uint8_t
 
 void TilePager::take_saved(TileId tile, std::uint32_t generation, bool good, Grid& grid) {
   saving_ = kNoTile;
+  failing_ = !good;
   if (good) {
     saved_[tile] = generation;
     ++counters_.tiles_saved;
@@ -223,6 +235,12 @@ void TilePager::take(const std::uint8_t* data, std::size_t size_bytes, Grid& gri
     }
     at += used;
   }
+}
+
+bool TilePager::fits(const TileBox& box, const Grid& grid) {
+  const std::int64_t north = max_of(box.north1 - box.north0 + 1, 0);
+  const std::int64_t east = max_of(box.east1 - box.east0 + 1, 0);
+  return north * east <= static_cast<std::int64_t>(grid.page_count());
 }
 
 bool TilePager::is_dirty(const Grid& grid, TileId tile) const {
@@ -304,16 +322,16 @@ bool TilePager::any_unseen(const Grid& grid) const {
   return unseen;
 }
 
-TilePager::Leaving TilePager::farthest_tiles(const PagerSituation& situation,
-                                             const Grid& grid) const {
+TilePager::Leaving TilePager::farthest_tiles(const PagerSituation& situation, const Grid& grid,
+                                             bool pressed) const {
   const TileBox here = box_around(situation.north_cells, situation.east_cells, grid);
   const TileBox ahead = box_around(situation.ahead_north_cells, situation.ahead_east_cells, grid);
   Leaving leaving{};
   for (TileId id = 0; id < grid.tile_count(); ++id) {
     const std::int32_t n = static_cast<std::int32_t>(id) / grid.tiles_east();
     const std::int32_t e = static_cast<std::int32_t>(id) % grid.tiles_east();
-    if (!grid.resident(id) || id == saving_ || in_box(here, n, e) || in_box(ahead, n, e) ||
-        in_box(situation.wanted, n, e)) {
+    if (!grid.resident(id) || id == saving_ || in_box(situation.wanted, n, e) ||
+        (!pressed && (in_box(here, n, e) || in_box(ahead, n, e)))) {
       continue;
     }
     Farthest& kind = is_dirty(grid, id)       ? leaving.dirty
@@ -335,6 +353,7 @@ void TilePager::make_room(const PagerSituation& situation, Grid& grid, StoreOutp
     return;
   }
   const bool unseen = any_unseen(grid);
+  const bool awaited = !all_in_memory(situation.wanted, grid);
   const std::uint32_t free_wanted =
       unseen ? grid.page_count() / 4 + 1 : max_of<std::uint32_t>(1, grid.page_count() / 8);
   for (int round = 0; round < kEvictedPerCycle; ++round) {
@@ -342,7 +361,10 @@ void TilePager::make_room(const PagerSituation& situation, Grid& grid, StoreOutp
     if (free_now >= free_wanted) {
       return;
     }
-    const Leaving leaving = farthest_tiles(situation, grid);
+    Leaving leaving = farthest_tiles(situation, grid, false);
+    if (awaited && free_now == 0 && saving_ == kNoTile && leaving.nothing()) {
+      leaving = farthest_tiles(situation, grid, true);
+    }
     if (leaving.ready.tile == kNoTile) {
       output.read = (free_now == 0 || unseen) && leaving.unread.tile != kNoTile;
       output.read_tile = leaving.unread.tile;
@@ -382,8 +404,8 @@ void TilePager::cycle(const PagerSituation& situation, Grid& grid, StoreOutput& 
   }
   if (!finishing_) {
     bool room = bring_box(situation.wanted, grid, output);
-    if (situation.placed) {
-      // What a ping waits for comes first; what lies ahead may not take its room.
+    // What a ping waits for comes first; what lies here and ahead may not take its room.
+    if (situation.placed && all_in_memory(situation.wanted, grid)) {
       room = room &&
              bring_box(box_around(situation.north_cells, situation.east_cells, grid), grid, output);
       room = room &&

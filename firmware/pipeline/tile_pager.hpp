@@ -14,8 +14,9 @@
 // Policy. A tile leaves when room is short: of those away from vehicle and track the farthest one that is saved and
 // whose depths were read: nothing needs its voxels until it comes back. After a start every tile of the run before
 // comes once, so that its depths are known and the link can hand them over. A tile that was never written costs
-// nothing to bring. Who needs a tile that is not there waits (Vehicle); a page that cannot be read back stays lost and
-// counted, the tile starts anew.
+// nothing to bring. Who needs a tile that is not there waits (Vehicle), and what it needs goes before everything else:
+// nothing is brought beside it, and where all that is away has left, tiles at the vehicle and ahead leave too. A page
+// that cannot be read back stays lost and counted, the tile starts anew.
 //
 // No heap, no clock. Not thread-safe.
 #pragma once
@@ -74,7 +75,7 @@ struct PagerSituation {
   bool placed;  ///< the two places are known
   std::int32_t north_cells, east_cells;
   std::int32_t ahead_north_cells, ahead_east_cells;  ///< where it will be after the look-ahead
-  /// Tiles that a ping waits for; empty: none does.
+  /// Tiles that a ping waits for (fits()); empty: none does.
   model::TileBox wanted;
 };
 
@@ -111,6 +112,11 @@ class TilePager {
   /// The store has said what it has (or there is none): tiles may come in.
   [[nodiscard]] bool ready() const { return ready_; }
 
+  /// Whether so many tiles can be in memory together at all: a ping that needs more cannot be mapped. O(1).
+  [[nodiscard]] static bool fits(const model::TileBox& box, const model::Grid& grid);
+  /// The last page that was to be saved could not be.
+  [[nodiscard]] bool failing() const { return failing_; }
+
   /// Every tile that has changed is saved in the cycles to come, one behind the other: once round.
   void hurry(const model::Grid& grid) { hurried_ = grid.tile_count(); }
 
@@ -133,12 +139,16 @@ class TilePager {
   /// Of the tiles away from vehicle and track: free to leave, not read yet, not saved yet.
   struct Leaving {
     Farthest ready, unread, dirty;
+    [[nodiscard]] bool nothing() const {
+      return ready.tile == kNoTile && unread.tile == kNoTile && dirty.tile == kNoTile;
+    }
   };
   [[nodiscard]] bool is_dirty(const model::Grid& grid, model::TileId tile) const;
   [[nodiscard]] bool is_unseen(const model::Grid& grid, model::TileId tile) const;
   [[nodiscard]] bool any_unseen(const model::Grid& grid) const;
-  [[nodiscard]] Leaving farthest_tiles(const PagerSituation& situation,
-                                       const model::Grid& grid) const;
+  /// `pressed`: only what is wanted has to stay.
+  [[nodiscard]] Leaving farthest_tiles(const PagerSituation& situation, const model::Grid& grid,
+                                       bool pressed) const;
   [[nodiscard]] bool bring(model::TileId tile, model::Grid& grid, StoreOutput& output);
   [[nodiscard]] bool bring_box(const model::TileBox& box, model::Grid& grid, StoreOutput& output);
   void make_room(const PagerSituation& situation, model::Grid& grid, StoreOutput& output);
@@ -157,6 +167,7 @@ class TilePager {
   bool has_store_ = false;
   bool ready_ = false;
   bool finishing_ = false;
+  bool failing_ = false;
   std::uint32_t cycle_ = 0;
   std::uint32_t save_due_ = 0;
   model::TileId save_cursor_ = 0;

@@ -264,6 +264,8 @@ void Vehicle::reset_map_state() {
         config_.has_store != 0);
   }
   holding_ = false;
+  hold_again_us_ = -estimator::kMaxTime_us;  // at once
+  wanted_tiles_ = model::TileBox{0, -1, 0, -1};
   returns_done_ = 0;
   has_track_ = false;
 }
@@ -560,6 +562,7 @@ bool Vehicle::map_ready(const Pose& head, std::uint32_t& written) {
 void Vehicle::drop_front(PingLoss loss) {
   if (returns_done_ > 0) {
     ++counters_.pings_mapped;
+    counters_.returns_lost += static_cast<std::uint64_t>(behind_count_ + 1 - returns_done_);
   } else {
     lose(loss);
   }
@@ -583,6 +586,7 @@ void Vehicle::map_pings() {
   std::uint32_t written = 0;
   bool any = false;
   mapped_count_ = 0;
+  wanted_tiles_ = model::TileBox{0, -1, 0, -1};
   if (commands_.stopped) {
     lose_pending(PingLoss::kStopped);
   }
@@ -629,11 +633,20 @@ void Vehicle::map_pings() {
 }
 
 // A ping whose tiles are not in memory stays the first, and comes again with the next cycle. False: it has
-// waited long enough.
+// waited long enough, there will never be room for its tiles, or another one has just waited in vain: those behind it,
+// whose tiles are there, get as long as that one took.
 bool Vehicle::hold_ping() {
   ready_ = unbent_;
+  if (!TilePager::fits(model_.wanted_tiles(), model_.grid())) {
+    return false;
+  }
+  wanted_tiles_ = model_.wanted_tiles();
+  if (!holding_ && now_us_ < hold_again_us_) {
+    return false;
+  }
   held_since_us_ = holding_ ? held_since_us_ : now_us_;
   holding_ = now_us_ - held_since_us_ < kMostHold_us;
+  hold_again_us_ = holding_ ? hold_again_us_ : now_us_ + kMostHold_us;
   counters_.cycles_held += holding_ ? 1U : 0U;
   return holding_;
 }
@@ -648,7 +661,7 @@ void Vehicle::page_tiles(StoreOutput& output) {
   const Pose& pose = navigator_.latest();
   PagerSituation situation{};
   situation.placed = (pose.validity & base::kPoseHorizontal) != 0;
-  situation.wanted = holding_ ? model_.wanted_tiles() : model::TileBox{0, -1, 0, -1};
+  situation.wanted = wanted_tiles_;
   if (situation.placed) {
     std::int32_t here[2] = {};
     for (int axis = 0; axis < 2; ++axis) {

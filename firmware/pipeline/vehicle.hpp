@@ -101,14 +101,15 @@ inline constexpr base::TimeUs kLongestQueue_us = 2'000'000;
 enum class PingLoss : std::uint8_t {
   kShed =
       0,  ///< the oldest of a full queue, or it waited for longer than max_wait_us and kLongestQueue_us
-  kNoPose = 1,      ///< no pose came within max_wait_us, or the ping is older than all poses
-  kPoseGap = 2,     ///< poses on its two sides are too far apart
-  kPoseEpoch = 3,   ///< navigation jumped during the ping
-  kPaused = 4,      ///< position less certain than any footprint is wide (kPauseSigma)
-  kBad = 5,         ///< fields out of range
-  kNoPath = 6,      ///< the water lets no such beam come back (sound_path.hpp)
-  kAbsentTile = 7,  ///< voxels that it needs did not come into memory within kMostHold_us
-  kStopped = 8,     ///< the survey was stopped by a command
+  kNoPose = 1,     ///< no pose came within max_wait_us, or the ping is older than all poses
+  kPoseGap = 2,    ///< poses on its two sides are too far apart
+  kPoseEpoch = 3,  ///< navigation jumped during the ping
+  kPaused = 4,     ///< position less certain than any footprint is wide (kPauseSigma)
+  kBad = 5,        ///< fields out of range
+  kNoPath = 6,     ///< the water lets no such beam come back (sound_path.hpp)
+  kAbsentTile =
+      7,  ///< voxels that it needs did not come into memory in time (within a second), or never can together
+  kStopped = 8,  ///< the survey was stopped by a command
   kCount = 9,
 };
 /// Short name for statistics (`shed`, ...).
@@ -132,7 +133,8 @@ struct VehicleCounters {
   std::uint64_t pings_in;            ///< records of sonar codecs
   std::uint64_t pings_mapped;  ///< handed to the model, whose counters say what became of them
   std::uint64_t pings_lost[static_cast<int>(PingLoss::kCount)];
-  std::uint64_t cycles_held;          ///< in which a ping waited for voxels
+  std::uint64_t cycles_held;   ///< in which a ping waited for voxels
+  std::uint64_t returns_lost;  ///< later returns of mapped pings whose voxels did not come in time
   std::uint64_t profiles_detected;    ///< profiles with an echo
   std::uint64_t profiles_undetected;  ///< without: mapped as no return
   std::uint64_t pings_synced;         ///< transmitted at a line's edge (role "ping_sync")
@@ -397,6 +399,10 @@ class Vehicle {
   void note_vehicle_tile();
   void fill_status(proto::Status& status) const;
   [[nodiscard]] std::uint32_t alarms_now() const;
+  [[nodiscard]] std::uint64_t pings_shed() const {
+    return counters_.pings_lost[static_cast<int>(PingLoss::kShed)] +
+           counters_.pings_lost[static_cast<int>(PingLoss::kAbsentTile)];
+  }
   void update_alarms();
   void count_levels();
 
@@ -429,6 +435,8 @@ class Vehicle {
   // A map larger than memory.
   TilePager pager_;
   base::TimeUs held_since_us_ = 0;
+  base::TimeUs hold_again_us_ = 0;             ///< none waits before
+  model::TileBox wanted_tiles_{0, -1, 0, -1};  ///< of the ping that waits, or was shed for them
   base::Pose held_head_{};         ///< of the ready ping, while later returns of it wait
   int returns_done_ = 0;           ///< of the ready ping, in the map already
   base::TimeUs track_us_ = 0;      ///< when the vehicle was at track_
@@ -465,7 +473,7 @@ class Vehicle {
   MappedBeams newest_beams_{};
   HostReport host_{};              ///< the newest; port_count 0 while there is none
   std::uint32_t alarms_said_ = 0;  ///< bits that a text has reported
-  std::uint32_t texts_due_ = 0;    ///< bits that a text is owed for
+  std::uint64_t texts_due_ = 0;    ///< bits that a text is owed for; from 32 on: that it ended
   std::array<std::uint8_t, proto::kMaxPayload_bytes> payload_{};
   std::array<std::uint8_t, kRequestCapacity_bytes> requests_[kMaxPorts] = {};
   // Together, so that they pad nothing.

@@ -68,15 +68,17 @@ constexpr AlarmText kBegins[] = {
     {proto::kAlarmStopped, proto::Severity::kInfo, "Survey stopped: nothing is mapped"},
     {proto::kAlarmForeignTopside, proto::Severity::kWarning,
      "Topside refused: it speaks another major version"},
+    {proto::kAlarmStoreFailing, proto::Severity::kError, "Store: the map cannot be saved"},
 };
 constexpr AlarmText kEnds[] = {
     {proto::kAlarmMappingPaused, proto::Severity::kInfo, "Mapping goes on"},
     {proto::kAlarmNoPose, proto::Severity::kInfo, "Poses are back"},
     {proto::kAlarmLeak, proto::Severity::kWarning, "Leak switch dry again"},
     {proto::kAlarmStopped, proto::Severity::kInfo, "Survey goes on"},
+    {proto::kAlarmStoreFailing, proto::Severity::kInfo, "Store: the map is saved again"},
 };
-// Bits of "ended" beside those of "began" in one mask: no alarm has a number of 16 and more.
-constexpr std::uint32_t kEndShift = 16;
+// Bits of "ended" beside those of "began" in one mask.
+constexpr std::uint32_t kEndShift = 32;
 
 std::uint32_t low32(std::uint64_t count) { return static_cast<std::uint32_t>(count & 0xFFFFFFFFU); }
 
@@ -549,7 +551,7 @@ void Vehicle::send_status() {
   const TimeUs share_us = frame_bytes * kStatusShare * 1'000'000 / config_.link.rate_bytes_s;
   watch_.status_due_us = link_us_ + base::max_of<TimeUs>(config_.link.status_interval_us, share_us);
   ++watch_.statuses;
-  watch_.shed_at_status = counters_.pings_lost[static_cast<int>(PingLoss::kShed)];
+  watch_.shed_at_status = pings_shed();
   watch_.clamped_at_status = counters_.cycle_time_clamped + counters_.chunk_time_clamped;
   watch_.over_limit_at_status = counters_.bytes_over_limit;
   watch_.epoch_at_status = navigator_.epoch();
@@ -604,7 +606,7 @@ void Vehicle::fill_status(proto::Status& status) const {
   const auto lost = [this](PingLoss loss) {
     return low32(counters_.pings_lost[static_cast<int>(loss)]);
   };
-  status.pings[proto::kPingShed] = lost(PingLoss::kShed) + lost(PingLoss::kAbsentTile);
+  status.pings[proto::kPingShed] = low32(pings_shed());
   status.pings[proto::kPingNoPose] =
       lost(PingLoss::kNoPose) + lost(PingLoss::kPoseGap) + lost(PingLoss::kPoseEpoch);
   status.pings[proto::kPingBad] = lost(PingLoss::kBad) + lost(PingLoss::kNoPath);
@@ -660,8 +662,7 @@ std::uint32_t Vehicle::alarms_now() const {
   }
   raise(silent, proto::kAlarmPortSilent);
   raise(leak, proto::kAlarmLeak);
-  raise(counters_.pings_lost[static_cast<int>(PingLoss::kShed)] != watch_.shed_at_status,
-        proto::kAlarmShed);
+  raise(pings_shed() != watch_.shed_at_status, proto::kAlarmShed);
   raise(pending_.size() == PingQueue::kCapacity_count, proto::kAlarmQueueFull);
   raise(unsent_.oldest_age(tick_) > max_age_ticks() + kBehind_ticks, proto::kAlarmLinkBehind);
   raise(counters_.cycle_time_clamped + counters_.chunk_time_clamped != watch_.clamped_at_status,
@@ -674,6 +675,7 @@ std::uint32_t Vehicle::alarms_now() const {
         (pose.position_um[axis] / 1000 - config_.model.origin_mm[axis]) / config_.model.cell_mm;
     outside = outside || cells < 0 || cells >= config_.model.size[axis];
   }
+  raise(model_.grid().windowed() && pager_.failing(), proto::kAlarmStoreFailing);
   raise(link_us_ < watch_.foreign_until_us, proto::kAlarmForeignTopside);
   raise(outside && (pose.validity & base::kPoseHorizontal) != 0, proto::kAlarmOutsideGrid);
   return alarms;
@@ -690,12 +692,12 @@ void Vehicle::update_alarms() {
     watch_.outside_us = link_us_;
   }
   const std::uint32_t ended = alarms_said_ & ~counters_.alarms;
-  texts_due_ |= began | (ended << kEndShift);
+  texts_due_ |= began | (std::uint64_t{ended} << kEndShift);
   alarms_said_ = counters_.alarms;
 }
 
 void Vehicle::send_texts() {
-  const auto say = [this](const AlarmText& alarm, std::uint32_t bit) {
+  const auto say = [this](const AlarmText& alarm, std::uint64_t bit) {
     if ((texts_due_ & bit) == 0) {
       return;
     }
@@ -708,7 +710,7 @@ void Vehicle::send_texts() {
     say(alarm, alarm.bit);
   }
   for (const AlarmText& alarm : kEnds) {
-    say(alarm, alarm.bit << kEndShift);
+    say(alarm, std::uint64_t{alarm.bit} << kEndShift);
   }
 }
 

@@ -64,6 +64,7 @@ constexpr AlarmName kAlarmNames[] = {
     {proto::kAlarmLeak, "leak"},
     {proto::kAlarmStopped, "survey stopped by command"},
     {proto::kAlarmForeignTopside, "a topside of another version is refused"},
+    {proto::kAlarmStoreFailing, "the vehicle's store cannot save the map"},
 };
 
 }  // namespace

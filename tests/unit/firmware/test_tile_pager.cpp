@@ -342,6 +342,42 @@ TEST(ten_times_the_memory_gives_the_map_of_one_big_grid) {
   }
 }
 
+// Beams flat to both sides, 50 m each: a ping needs a strip of tiles far outside of what is kept about the vehicle and
+// ahead of it, and the window holds that strip only once those give way.
+TEST(a_wide_fan_gets_the_room_of_what_lies_ahead) {
+  const std::int32_t side = std::min(320, leadline::test::widest_side_cells());
+  std::vector<Sounding> soundings = lawn_mower(side, side, 80, 7);
+  for (std::size_t k = 0; k < soundings.size(); ++k) {
+    Ping& ping = soundings[k].ping;
+    const bool starboard = k % 2 == 0;
+    ping.azimuth_bam32 = starboard ? 0x40000000U : 0xC0000000U;
+    ping.elevation_bam32 = 0x10000000U;  // 22.5 degrees down
+    ping.range_um = 50'000'000;
+  }
+  configure(&big, config_of(side, side, 0));
+  std::uint32_t fused = 0;
+  for (const Sounding& sounding : soundings) {
+    fused += big.integrate(sounding.ping, sounding.pose) == PingResult::kFused ? 1U : 0U;
+  }
+  configure(&windowed, config_of(side, side, 18));
+  SlowStore store(2, 8192);
+  pager.configure(windowed.grid(), 20, true);
+  store.announce();
+  const Flight flight = fly(soundings, &store, 500);
+  finish(&store);
+  report("wide fan", flight);
+  assert_true(fused > soundings.size() / 2);
+  assert_int_equal(flight.shed, 0);
+  assert_int_equal(differing_tiles(store), 0);
+}
+
+TEST(what_never_fits_is_known_at_once) {
+  configure(&windowed, config_of(112, 112, 20));
+  assert_true(TilePager::fits(TileBox{0, -1, 0, -1}, windowed.grid()));
+  assert_true(TilePager::fits(TileBox{0, 3, 0, 4}, windowed.grid()));
+  assert_true(!TilePager::fits(TileBox{0, 2, 0, 6}, windowed.grid()));
+}
+
 TEST(who_must_wait_too_long_is_shed_and_counted) {
   const std::int32_t side = std::min(320, leadline::test::widest_side_cells());
   const std::vector<Sounding> soundings = lawn_mower(side, side, 40, 2);
@@ -351,6 +387,7 @@ TEST(who_must_wait_too_long_is_shed_and_counted) {
   store.announce();
   store.fail(20);
   const Flight flight = fly(soundings, &store, 2);
+  assert_true(!pager.failing());
   finish(&store);
   report("no patience", flight);
   assert_true(flight.shed > 0);
