@@ -365,7 +365,7 @@ void Vehicle::begin_cycle(TimeUs t_us) {
     }
     watch_.status_due_us = limited;
     watch_.hello_due_us = limited;
-    watch_.hello_sent_us = limited;
+    watch_.hello_through_us = limited;
     clock_us_ = link_us_ = limited;
     link_elapsed_us_ = link_pause_us_ = 0;
     return;

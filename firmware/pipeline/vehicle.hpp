@@ -257,10 +257,10 @@ class Vehicle {
     base::TimeUs last_record_us[kMaxPorts];
     base::TimeUs status_due_us;
     base::TimeUs hello_due_us;
-    base::TimeUs hello_sent_us;
-    base::TimeUs hello_gap_us;  ///< between the last two and, at least, the next
-    base::TimeUs outside_us;    ///< last time outside the grid
-    std::uint32_t statuses;     ///< sent
+    base::TimeUs hello_through_us;  ///< when the last one has left a line of the configured rate
+    base::TimeUs hello_gap_us;      ///< between the last two and, at least, the next
+    base::TimeUs outside_us;        ///< last time outside the grid
+    std::uint32_t statuses;         ///< sent
     std::uint64_t shed_at_status;
     std::uint64_t clamped_at_status;
     std::uint64_t over_limit_at_status;

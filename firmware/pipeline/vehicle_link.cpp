@@ -39,6 +39,9 @@ constexpr unsigned kTick_log2us = 15;
 constexpr std::uint32_t kTicks_s = 31;
 // Hellos come after this, then after twice as long each time, up to the configured interval.
 constexpr TimeUs kFirstHelloGap_us = 1'000'000;
+// Who asks before a hello can have come gets none for it: it is through the line, and so long under way.
+constexpr TimeUs kHelloUnderWay_us = 20'000;
+constexpr std::size_t kTypicalHello_bytes = 122;
 // Statuses get this part of the link, and one of so many is a full one.
 constexpr TimeUs kStatusShare = 16;
 constexpr std::uint32_t kStatusesPerFull = 16;
@@ -274,10 +277,14 @@ void Vehicle::owe_lost(const FrameTile& lost) {
   }
 }
 
-// Many who ask get one hello a second.
+// Many who ask get one hello, and whoever goes on asking half of the link at most.
 void Vehicle::answer_hello_request() {
-  const TimeUs soonest_us = base::max_of(link_us_, watch_.hello_sent_us + kFirstHelloGap_us);
-  watch_.hello_due_us = min_of(watch_.hello_due_us, soonest_us);
+  const TimeUs came_us = watch_.hello_through_us + kHelloUnderWay_us;
+  if (link_us_ >= came_us) {
+    const TimeUs soonest_us =
+        base::max_of(link_us_, watch_.hello_through_us + line_time_us(kTypicalHello_bytes));
+    watch_.hello_due_us = min_of(watch_.hello_due_us, soonest_us);
+  }
 }
 
 // A frame of `payload_`. What finds no room goes before tile deltas in the cycles to come.
@@ -501,7 +508,7 @@ void Vehicle::send_hello() {
     watch_.origin_said = has_origin;
     watch_.hello_gap_us = min_of<TimeUs>(news ? kFirstHelloGap_us : 2 * watch_.hello_gap_us,
                                          config_.link.hello_interval_us);
-    watch_.hello_sent_us = link_us_;
+    watch_.hello_through_us = link_us_ + line_time_us(downlink_.backlog_bytes());
     watch_.hello_due_us = link_us_ + watch_.hello_gap_us;
   }
 }

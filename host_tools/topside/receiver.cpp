@@ -1,5 +1,7 @@
 #include "host_tools/topside/receiver.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "host_tools/exit_codes.hpp"
@@ -14,6 +16,15 @@ constexpr std::uint8_t kFirstMinorWithReports = 1;
 // Of a vehicle that takes no reports, tiles that miss something are asked for this often; by then the
 // vehicle's own next word may have come.
 constexpr base::TimeUs kAskEvery_us = 2'000'000;
+// The question for a hello: again after so many bytes that came without it - the vehicle says it before all else, so it
+// is lost by then -, but no sooner than a round trip; and after so long, on a line that was seen to be fast twice what
+// those bytes took. Each time half as much more, up to the above.
+constexpr double kFirstHelloWait_bytes = 500.0;
+constexpr base::TimeUs kLeastHelloWait_us = 20'000;
+constexpr base::TimeUs kFirstHelloWait_us = 200'000;
+constexpr double kHelloWaitGrows = 1.5;
+// Who has a map asks so often for what another survey's deltas may be: they may come from a vehicle that does not hear it.
+constexpr int kMostQuestionsOfOthers = 8;
 
 std::string survey_text(const proto::Hello& hello) {
   const std::string name(hello.survey_name.text, hello.survey_name.size_bytes);
@@ -123,6 +134,7 @@ void Receiver::take(const proto::FrameView& frame) {
   }
   if (type < proto::MessageType::kResendRequest) {
     counters_.link_bytes += wire_bytes_;
+    question_.wanted = question_.wanted || counters_.hellos == 0;
     const bool news =
         type == proto::MessageType::kTileDelta || type == proto::MessageType::kCoarseDelta;
     planner_.note_frame(proto::frame_tag(frame.payload, frame.payload_bytes), wire_bytes_, news);
@@ -135,7 +147,7 @@ void Receiver::take(const proto::FrameView& frame) {
       take_delta(frame.payload, frame.payload_bytes, wire_bytes_);
       break;
     case proto::MessageType::kCoarseDelta:
-      take_coarse(frame.payload, frame.payload_bytes);
+      take_coarse(frame.payload, frame.payload_bytes, wire_bytes_);
       break;
     case proto::MessageType::kStatus:
       take_status(frame);
@@ -185,6 +197,7 @@ void Receiver::take_hello(const proto::FrameView& frame) {
   }
   counters_.hellos += 1;
   const proto::Hello& said = hello.value();
+  explain(proto::survey_tag(said.survey_id, said.session));
   if (wanted_survey_ && said.survey_id != *wanted_survey_) {
     if (!foreign_noticed_) {
       notice(proto::Severity::kWarning, survey_text(said) + " is on the link and passed over");
@@ -217,22 +230,81 @@ void Receiver::take_hello(const proto::FrameView& frame) {
                (older ? ": what came later is not said"
                       : ": what this program does not know of it is passed over"));
   }
+  if (store_) {
+    status_.reset();  // of the map before
+  }
   store_ = std::make_unique<TileStore>(said);
   coarse_.clear();
   planner_.restart();
   if (on_begun) {
     on_begun(*store_);
   }
-  status_.reset();
   vehicle_cells_hash_.reset();
   resend_after_ = 0;
   map_cells_ = 0;
   cells_lost_ = cells_made_up_ = 0;
   cells_lost_when_asked_.reset();
-  const auto early = std::exchange(early_, {});
-  for (const EarlyPacket& packet : early) {
-    take_delta(packet.payload.data(), packet.payload.size(), packet.wire_bytes);
+  take_early();
+  if (status_) {
+    compare_sent(true);
   }
+}
+
+// A hello has come for this tag. Of other deltas that wait for theirs the question goes on.
+void Receiver::explain(std::uint16_t tag) {
+  explained_.insert(tag);
+  if (!question_.tag || *question_.tag == tag) {
+    question_ = {};
+  }
+}
+
+// What came of this map before its hello, in the order in which it came.
+void Receiver::take_early() {
+  std::vector<EarlyPacket> others;
+  std::vector<EarlyPacket> early = std::exchange(early_, {});
+  for (EarlyPacket& packet : early) {
+    proto::MessageType type{};
+    if (packet.tag != store_->tag()) {
+      others.push_back(std::move(packet));
+    } else if (proto::message_type(packet.payload.data(), packet.payload.size(), type) &&
+               type == proto::MessageType::kCoarseDelta) {
+      take_coarse(packet.payload.data(), packet.payload.size(), packet.wire_bytes);
+    } else {
+      take_delta(packet.payload.data(), packet.payload.size(), packet.wire_bytes);
+    }
+  }
+  early_ = std::move(others);
+}
+
+// Nobody says whose deltas these are.
+void Receiver::give_up_early(std::uint16_t tag) {
+  const auto kept = std::remove_if(early_.begin(), early_.end(),
+                                   [tag](const EarlyPacket& each) { return each.tag == tag; });
+  counters_.before_hello += static_cast<std::uint64_t>(early_.end() - kept);
+  early_.erase(kept, early_.end());
+  explain(tag);
+}
+
+// Whether deltas of this tag are of the map that there is. Others are kept as long as a hello may make them its own.
+bool Receiver::of_this_map(std::uint16_t tag, const std::uint8_t* payload, std::size_t size_bytes,
+                           std::size_t wire_bytes) {
+  if (store_ && tag == store_->tag()) {
+    return true;
+  }
+  if (explained_.count(tag) != 0) {
+    counters_.other_surveys += 1;
+    return false;
+  }
+  if (!question_.wanted || !question_.tag) {
+    question_.wanted = true;
+    question_.tag = tag;
+  }
+  if (early_.size() < kMaxEarlyPackets) {
+    early_.push_back({tag, {payload, payload + size_bytes}, wire_bytes});
+  } else {
+    counters_.before_hello += 1;
+  }
+  return false;
 }
 
 void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
@@ -242,16 +314,7 @@ void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
     counters_.malformed += 1;
     return;
   }
-  if (!store_) {
-    if (early_.size() < kMaxEarlyPackets) {
-      early_.push_back({{payload, payload + size_bytes}, wire_bytes});
-    } else {
-      counters_.before_hello += 1;
-    }
-    return;
-  }
-  if (packet.survey_tag() != store_->tag()) {
-    counters_.other_surveys += 1;
+  if (!of_this_map(packet.survey_tag(), payload, size_bytes, wire_bytes)) {
     return;
   }
   proto::TileDelta delta;
@@ -268,15 +331,14 @@ void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
   counters_.delta_bytes += wire_bytes;
 }
 
-// What a coarse tile says before the hello that explains it is not missed: its cells come anyway.
-void Receiver::take_coarse(const std::uint8_t* payload, std::size_t size_bytes) {
+void Receiver::take_coarse(const std::uint8_t* payload, std::size_t size_bytes,
+                           std::size_t wire_bytes) {
   proto::TilePacketDecoder packet;
   if (packet.open(payload, size_bytes, proto::TileScale::kCoarse) != base::Status::kOk) {
     counters_.malformed += 1;
     return;
   }
-  if (!store_ || packet.survey_tag() != store_->tag()) {
-    counters_.other_surveys += store_ ? 1U : 0U;
+  if (!of_this_map(packet.survey_tag(), payload, size_bytes, wire_bytes)) {
     return;
   }
   proto::TileDelta coarse;
@@ -404,12 +466,50 @@ proto::ResendRequest Receiver::wanted() {
   return store_->everything();
 }
 
+bool Receiver::hello_is_asked(base::TimeUs now_us) {
+  if (!question_.wanted) {
+    return false;
+  }
+  const auto grown = [](double first, int times) {
+    return first * std::pow(kHelloWaitGrows, std::min(times, 30));
+  };
+  if (question_.asked > 0) {
+    const base::TimeUs waited_us = now_us - question_.asked_us;
+    const auto came_bytes = static_cast<double>(counters_.link_bytes - question_.asked_bytes);
+    const bool lost = waited_us >= kLeastHelloWait_us &&
+                      came_bytes >= grown(kFirstHelloWait_bytes, question_.after_bytes);
+    const base::TimeUs first_us =
+        std::min(kFirstHelloWait_us, 2 * question_.pace_us.value_or(kFirstHelloWait_us));
+    const double most_us =
+        std::min(grown(static_cast<double>(first_us), question_.asked - 1 - question_.after_bytes),
+                 static_cast<double>(kAskEvery_us));
+    if (!lost && static_cast<double>(waited_us) < most_us) {
+      return false;
+    }
+    if (store_ && question_.asked == kMostQuestionsOfOthers) {
+      give_up_early(*question_.tag);
+      return false;
+    }
+    question_.after_bytes += lost ? 1 : 0;
+    if (lost && !question_.pace_us) {
+      question_.pace_us = waited_us;
+    }
+  }
+  question_.asked += 1;
+  question_.asked_us = now_us;
+  question_.asked_bytes = counters_.link_bytes;
+  return true;
+}
+
 std::vector<std::uint8_t> Receiver::uplink(base::TimeUs now_us) {
+  if (hello_is_asked(now_us)) {
+    return hello_request_frame();
+  }
   if (store_ && store_->hello().protocol_minor >= kFirstMinorWithReports) {
     const std::vector<std::uint8_t> payload = planner_.next(now_us, *store_, status_);
     return payload.empty() ? payload : framed(payload.data(), payload.size());
   }
-  if (asked_us_ && now_us - *asked_us_ < kAskEvery_us) {
+  if (!store_ || (asked_us_ && now_us - *asked_us_ < kAskEvery_us)) {
     return {};
   }
   std::vector<std::uint8_t> request = resend_request();
@@ -422,8 +522,7 @@ std::vector<std::uint8_t> Receiver::uplink(base::TimeUs now_us) {
 std::vector<std::uint8_t> Receiver::resend_request() {
   std::uint8_t payload[proto::kMaxResendRequest_bytes];
   if (!store_) {
-    const bool unexplained = counters_.frames > 0 && counters_.hellos == 0;
-    return unexplained ? hello_request_frame() : std::vector<std::uint8_t>{};
+    return question_.wanted ? hello_request_frame() : std::vector<std::uint8_t>{};
   }
   const proto::ResendRequest request = wanted();
   if (request.range_count == 0) {

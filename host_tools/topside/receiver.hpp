@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -38,8 +39,8 @@ struct ReceiverCounters {
   std::uint64_t log_records = 0;    ///< records of a vehicle's log between the frames (file:)
   std::uint64_t unknown_types = 0;  ///< messages of a newer minor
   std::uint64_t malformed = 0;      ///< right CRC, but no message: a foreign sender
-  std::uint64_t other_surveys = 0;  ///< tile deltas of another survey or session
-  std::uint64_t before_hello = 0;   ///< tile deltas given up because no hello ever explained them
+  std::uint64_t other_surveys = 0;  ///< packets of deltas of another survey or session
+  std::uint64_t before_hello = 0;   ///< packets of deltas given up because no hello explained them
   std::uint64_t outside_grid = 0;
 };
 
@@ -94,7 +95,9 @@ class Receiver {
   [[nodiscard]] std::vector<ReceiverNotice> take_notices();
   /// What to send up now, framed; empty: nothing. To be called when something came and every kUplinkPoll_us besides,
   /// with a clock that does not go back. Paces itself: a tenth of what the vehicle sends at most. A vehicle of minor 1 is told which
-  /// frames came, and asked where its map differs; an older one is asked every 2 s for what is missing.
+  /// frames came, and asked where its map differs; an older one is asked every 2 s for what is missing. While
+  /// deltas come that no hello explains: the question for one, at first every 0.2 s or for every 500 bytes that come
+  /// without it, then for every half as much again.
   [[nodiscard]] std::vector<std::uint8_t> uplink(base::TimeUs now_us);
   /// The topside looks at these tiles: they go before others. Radius 0: at nothing any more.
   void look(std::uint32_t tile, std::uint8_t radius_tiles) { planner_.look(tile, radius_tiles); }
@@ -112,7 +115,7 @@ class Receiver {
   void take(const proto::FrameView& frame);
   void take_hello(const proto::FrameView& frame);
   void take_delta(const std::uint8_t* payload, std::size_t size_bytes, std::size_t wire_bytes);
-  void take_coarse(const std::uint8_t* payload, std::size_t size_bytes);
+  void take_coarse(const std::uint8_t* payload, std::size_t size_bytes, std::size_t wire_bytes);
   void take_status(const proto::FrameView& frame);
   void take_brief(const proto::FrameView& frame);
   void compare_sent(bool first);
@@ -121,6 +124,12 @@ class Receiver {
   void take_end(const proto::FrameView& frame);
   void notice(proto::Severity severity, std::string text);
   [[nodiscard]] proto::ResendRequest wanted();
+  [[nodiscard]] bool of_this_map(std::uint16_t tag, const std::uint8_t* payload,
+                                 std::size_t size_bytes, std::size_t wire_bytes);
+  void explain(std::uint16_t tag);
+  void take_early();
+  void give_up_early(std::uint16_t tag);
+  [[nodiscard]] bool hello_is_asked(base::TimeUs now_us);
 
   std::optional<std::uint64_t> wanted_survey_;
   proto::FrameDecoderBuffer<> buffer_;
@@ -130,12 +139,25 @@ class Receiver {
   std::optional<std::uint64_t> vehicle_cells_hash_;
   ReceiverCounters counters_;
   std::vector<ReceiverNotice> notices_;
-  /// Tile deltas that came before the hello that explains them.
+  /// Tile and coarse deltas that came before the hello that explains them. They are reported as come.
   struct EarlyPacket {
+    std::uint16_t tag;
     std::vector<std::uint8_t> payload;
     std::size_t wire_bytes;
   };
   std::vector<EarlyPacket> early_;
+  // Tags whose hello came, or was asked for in vain; and the question for the hello of others.
+  std::set<std::uint16_t> explained_;
+  struct HelloQuestion {
+    bool wanted = false;
+    std::optional<std::uint16_t> tag;  ///< of the deltas for which it is wanted
+    int asked = 0;
+    int after_bytes = 0;  ///< of these, because enough had come without it
+    base::TimeUs asked_us = 0;
+    std::uint64_t asked_bytes = 0;          ///< ReceiverCounters::link_bytes then
+    std::optional<base::TimeUs> pace_us{};  ///< that the first such bytes took
+  };
+  HelloQuestion question_;
   std::size_t wire_bytes_ = 0;  ///< of the frame under way
   std::uint32_t resend_after_ = 0;
   // Cells that the vehicle sent less those that came, by its last status; what of it is made up for; and

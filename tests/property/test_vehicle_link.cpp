@@ -1,4 +1,5 @@
 // What a vehicle says on its link and when: batches of cells, hellos, statuses, texts.
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -111,19 +112,51 @@ TEST(hellos_come_rarer_and_rarer_and_on_request) {
   for (std::size_t i = 0; i < due_s.size(); ++i) {
     assert_true(hellos[i].t_us == due_s[i] * 1'000'000);
   }
-  // Three who ask at once get one, and so does one who keeps asking within a second.
+  // Three who ask at once get one; for who asks while it is under way (30 ms on this line) it is the answer.
   std::uint8_t frame[8];
   const std::uint8_t request = static_cast<std::uint8_t>(MessageType::kHelloRequest);
   const std::size_t size = leadline::proto::encode_frame(&request, 1, frame, sizeof frame).value();
   const InputChunk asked = {t_us, frame, static_cast<std::uint16_t>(size),
                             leadline::firmware::kUplinkPort};
-  idle(&listener, &t_us, 36'500'000, {asked, asked, asked});
+  idle(&listener, &t_us, 36'040'000, {asked, asked, asked});
+  idle(&listener, &t_us, 36'500'000, {asked});
   idle(&listener, &t_us, 38'000'000, {asked});
   const auto after = listener.of(MessageType::kHello);
   assert_int_equal(after.size(), due_s.size() + 2);
   assert_true(after[7].t_us == 36'000'000);
-  assert_true(after[8].t_us == 37'000'000);
+  assert_true(after[8].t_us == 36'500'000);
   assert_int_equal(vehicle.counters().uplink_rejected, 0);
+}
+
+// Whoever asks without end, in every cycle: half of the link at most, and yet an answer whenever the one before is lost.
+TEST(hellos_on_request_take_half_of_the_link_at_most) {
+  for (const std::uint32_t rate_bytes_s : {120U, 960U, 11'520U, 100'000U}) {
+    VehicleConfig config = rig_config();
+    config.link.rate_bytes_s = rate_bytes_s;
+    configure_rig(vehicle, config);
+    Listener listener;
+    TimeUs t_us = 0;
+    std::uint8_t frame[8];
+    const std::uint8_t request = static_cast<std::uint8_t>(MessageType::kHelloRequest);
+    const std::size_t size =
+        leadline::proto::encode_frame(&request, 1, frame, sizeof frame).value();
+    const InputChunk asked = {0, frame, static_cast<std::uint16_t>(size),
+                              leadline::firmware::kUplinkPort};
+    while (t_us < 30'000'000) {
+      idle(&listener, &t_us, t_us + 20'000, {asked});
+    }
+    const auto hellos = listener.of(MessageType::kHello);
+    const double hello_bytes = static_cast<double>(hellos[0].payload.size()) + 7.0;
+    const double share = static_cast<double>(hellos.size() - 1) * hello_bytes / 30.0 / rate_bytes_s;
+    assert_in_range(static_cast<int>(1000.0 * share), 0, 520);
+    TimeUs longest_us = 0;
+    for (std::size_t k = 1; k < hellos.size(); ++k) {
+      longest_us = std::max(longest_us, hellos[k].t_us - hellos[k - 1].t_us);
+    }
+    // Its own time twice, and that of a status before it.
+    assert_in_range(longest_us, 20'000,
+                    60'000 + static_cast<TimeUs>(4e6 * hello_bytes) / rate_bytes_s);
+  }
 }
 
 TEST(a_status_fits_the_mtu_with_as_many_ports_as_it_has_room_for) {
