@@ -162,10 +162,11 @@ TEST(a_receiver_keeps_them_apart_and_a_page_sees_them_come_and_go) {
   for (int e = 0; e < 4; ++e) {
     set_coarse(&delta, 0, e, 1000 + e);
   }
-  feed(&receiver, packet(delta, tag, TileScale::kCoarse));  // before the hello: not missed
+  feed(&receiver, packet(delta, tag, TileScale::kCoarse));  // before the hello that explains it
+  assert_int_equal(receiver.coarse().tiles(), 0);
   std::uint8_t payload[leadline::proto::kMaxHello_bytes];
   feed(&receiver, framed(payload, encode_hello(hello, payload, sizeof payload).value()));
-  assert_int_equal(receiver.coarse().tiles(), 0);
+  assert_int_equal(receiver.coarse().tiles(), 1);
   const std::uint64_t empty_hash = receiver.store()->cells_hash();
 
   feed(&receiver, packet(delta, tag, TileScale::kCoarse));
@@ -173,8 +174,8 @@ TEST(a_receiver_keeps_them_apart_and_a_page_sees_them_come_and_go) {
   TileDelta outside = coarse_tile(3);
   set_coarse(&outside, 16, 23, 500);
   feed(&receiver, packet(outside, tag, TileScale::kCoarse));
-  assert_int_equal(receiver.counters().coarse_deltas, 2);
-  assert_int_equal(receiver.counters().other_surveys, 1);
+  assert_int_equal(receiver.counters().coarse_deltas, 3);
+  assert_int_equal(receiver.counters().other_surveys, 0);  // one waits for its hello
   assert_int_equal(receiver.counters().outside_grid, 1);
   assert_int_equal(receiver.counters().malformed, 0);
   assert_int_equal(receiver.coarse().tiles(), 1);

@@ -351,6 +351,124 @@ TEST(who_joins_late_keeps_what_comes_before_the_hello) {
   assert_int_equal(receiver.counters().before_hello, 0);
 }
 
+bool asks_for_hello(Receiver* receiver, std::int64_t now_us) {
+  const Bytes request = receiver->uplink(now_us);
+  return request.size() > 2 &&
+         request[2] == static_cast<std::uint8_t>(leadline::proto::MessageType::kHelloRequest);
+}
+
+// A lost question, or a lost hello: asked again soon where much came without it, later where nothing does; and a line
+// that was seen to be fast is asked soon also when it falls silent.
+TEST(the_question_for_a_hello_goes_by_what_comes_without_it) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  std::int64_t now_us = 5'000'000;
+  assert_false(asks_for_hello(&receiver, now_us));  // silence is no vehicle
+  feed(&receiver, vehicle.change(1, &random));
+  assert_true(asks_for_hello(&receiver, now_us));
+  assert_false(asks_for_hello(&receiver, now_us));
+  // Silence: 0.2 s, then half as much more each time, up to 2 s.
+  std::vector<std::int64_t> asked_us = {now_us};
+  while (asked_us.size() < 12) {
+    now_us += 5'000;
+    if (asks_for_hello(&receiver, now_us)) {
+      asked_us.push_back(now_us);
+    }
+  }
+  assert_true(asked_us[1] - asked_us[0] == 200'000);
+  assert_true(asked_us[2] - asked_us[1] == 300'000);
+  assert_true(asked_us[11] - asked_us[10] == 2'000'000);
+  // Frames without it: 500 bytes.
+  std::uint64_t bytes = receiver.counters().link_bytes;
+  now_us += 30'000;
+  while (receiver.counters().link_bytes - bytes < 500) {
+    assert_false(asks_for_hello(&receiver, now_us));
+    feed(&receiver, vehicle.change(1, &random));
+  }
+  assert_true(asks_for_hello(&receiver, now_us));
+  // But none before it can have come.
+  bytes = receiver.counters().link_bytes;
+  while (receiver.counters().link_bytes - bytes < 2000) {
+    feed(&receiver, vehicle.change(1, &random));
+  }
+  assert_false(asks_for_hello(&receiver, now_us + 15'000));
+  assert_true(asks_for_hello(&receiver, now_us + 20'000));
+  feed(&receiver, hello_frame(grid_hello()));
+  assert_true(receiver.uplink(now_us + 10'000'000).empty());
+  assert_true(receiver.store()->cells_hash() == vehicle.hash());
+}
+
+TEST(a_line_that_was_fast_is_asked_soon_when_it_falls_silent) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  feed(&receiver, vehicle.change(1, &random));
+  assert_true(asks_for_hello(&receiver, 1'000'000));
+  while (receiver.counters().link_bytes < 1000) {
+    feed(&receiver, vehicle.change(1, &random));
+  }
+  assert_true(asks_for_hello(&receiver, 1'030'000));
+  assert_false(asks_for_hello(&receiver, 1'085'000));
+  assert_true(asks_for_hello(&receiver, 1'090'000));
+}
+
+// The hello of a new session is lost: what comes of it is kept, the hello asked for, the old map stays until then.
+TEST(a_new_session_whose_hello_is_lost_is_asked_for_it_and_loses_nothing) {
+  Random random;
+  Receiver receiver;
+  Speaker first(grid_hello(11, 1));
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  feed(&receiver, first.change(0, &random));
+  assert_false(asks_for_hello(&receiver, 1'000'000));
+  Speaker second(grid_hello(11, 2));
+  feed(&receiver, second.change(3, &random));
+  feed(&receiver, second.change(4, &random));
+  feed(&receiver, first.change(1, &random));  // late, of the map that there is
+  assert_true(asks_for_hello(&receiver, 1'000'000));
+  assert_false(asks_for_hello(&receiver, 1'100'000));
+  assert_true(asks_for_hello(&receiver, 1'200'000));
+  assert_true(receiver.store()->cells_hash() == first.hash());
+  feed(&receiver, hello_frame(grid_hello(11, 1)));  // late, too: it explains nothing
+  assert_true(asks_for_hello(&receiver, 1'500'000));
+  feed(&receiver, hello_frame(grid_hello(11, 2)));
+  assert_true(receiver.store()->cells_hash() == second.hash());
+  assert_int_equal(receiver.counters().other_surveys, 0);
+  assert_false(asks_for_hello(&receiver, 9'000'000));
+}
+
+// Of two vehicles on one line only one hears us: the other is not asked for ever, which the one that hears would pay for.
+TEST(a_stranger_that_never_says_hello_is_given_up) {
+  Random random;
+  Receiver receiver;
+  Speaker ours(grid_hello(11, 1));
+  Speaker stranger(grid_hello(12, 1));
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  int asked = 0;
+  for (std::int64_t now_us = 0; now_us < 120'000'000; now_us += 50'000) {
+    feed(&receiver, stranger.change(2, &random));
+    feed(&receiver, ours.change(2, &random));
+    asked += asks_for_hello(&receiver, now_us) ? 1 : 0;
+    if (asked > 0 && now_us % 1'000'000 == 0) {
+      feed(&receiver, hello_frame(grid_hello(11, 1)));
+    }
+  }
+  assert_int_equal(asked, 8);
+  assert_true(receiver.store()->cells_hash() == ours.hash());
+  assert_int_equal(receiver.counters().before_hello + receiver.counters().other_surveys, 2400);
+  assert_true(receiver.counters().before_hello > 8);
+}
+
+TEST(what_a_status_said_before_the_first_hello_counts_and_one_of_the_session_before_does_not) {
+  Receiver receiver;
+  feed(&receiver, status_frame(3, 0, 500));
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  assert_int_equal(receiver.status()->tiles_known, 3);
+  assert_int_equal(asked_for(&receiver).size(), 1);  // the vehicle rests, and all is missing
+  feed(&receiver, hello_frame(grid_hello(11, 2)));
+  assert_false(receiver.status().has_value());
+}
+
 TEST(another_major_version_is_refused_with_advice) {
   Bytes payload(200, 0);
   payload[0] = static_cast<std::uint8_t>(leadline::proto::MessageType::kHello);
