@@ -66,7 +66,7 @@ std::size_t LinkReader::read_some(Receiver* receiver, double now_s) {
       });
   if (share_) {
     share_->serve([this](const std::vector<std::uint8_t>& frame) { return send(frame); },
-                  receiver->store());
+                  *receiver);
   }
   return got;
 }

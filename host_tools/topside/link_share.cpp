@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "host_tools/exit_codes.hpp"
+#include "proto/coarse.hpp"
 #include "proto/commands.hpp"
 #include "proto/messages.hpp"
 
@@ -29,6 +30,60 @@ std::vector<std::uint8_t> framed(const std::uint8_t* payload, std::size_t payloa
   return frame;
 }
 
+void add_frame(const std::uint8_t* payload, std::size_t payload_bytes,
+               std::vector<std::uint8_t>* bytes) {
+  const std::vector<std::uint8_t> frame = framed(payload, payload_bytes);
+  bytes->insert(bytes->end(), frame.begin(), frame.end());
+}
+
+/// What stands before the tiles: hello, and the last status with all that briefs have said since.
+void add_greeting(const Receiver& heard, std::vector<std::uint8_t>* bytes) {
+  std::uint8_t payload[proto::kMaxPayload_bytes];
+  const auto hello = proto::encode_hello(heard.store()->hello(), payload, sizeof payload);
+  if (hello.ok()) {
+    add_frame(payload, hello.value(), bytes);
+  }
+  if (heard.status()) {
+    const auto status = proto::encode_status(*heard.status(), payload, sizeof payload);
+    if (status.ok()) {
+      add_frame(payload, status.value(), bytes);
+    }
+  }
+}
+
+/// Coarse tiles of which something still shows, ascending.
+std::set<std::uint32_t> coarse_tiles_of(const Receiver& heard) {
+  std::set<std::uint32_t> ids;
+  for (const std::uint32_t tile : heard.coarse().changed_since(0)) {
+    ids.insert(proto::coarse_place(tile, heard.store()->hello().size_cells[1]).tile);
+  }
+  return ids;
+}
+
+/// What still shows of a coarse tile.
+void add_coarse(const Receiver& heard, std::uint32_t coarse_id, std::vector<std::uint8_t>* bytes) {
+  proto::CodedCell cells[proto::kTileArea_cells] = {};
+  proto::CellMask known{};
+  for (const std::uint32_t tile : heard.coarse().changed_since(0)) {
+    const proto::CoarsePlace place =
+        proto::coarse_place(tile, heard.store()->hello().size_cells[1]);
+    for (int index = 0; index < proto::kCoarseOfTile_cells && place.tile == coarse_id; ++index) {
+      const proto::CodedCell cell = (*heard.coarse().tile(tile))[static_cast<std::size_t>(index)];
+      if (proto::cell_known(cell)) {
+        cells[place.cell(index)] = cell;
+        known.set(place.cell(index));
+      }
+    }
+  }
+  std::uint8_t payload[proto::kMaxPayload_bytes];
+  proto::TilePacketEncoder packet(payload, sizeof payload, heard.store()->tag(),
+                                  proto::TileScale::kCoarse);
+  proto::CellMask taken{};
+  if (packet.add_whole({coarse_id, 0, cells, known}, taken).ok()) {
+    add_frame(payload, packet.finish(), bytes);
+  }
+}
+
 proto::CellMask all_cells() {
   proto::CellMask all{};
   std::fill(std::begin(all.rows), std::end(all.rows), UINT16_MAX);
@@ -46,9 +101,10 @@ struct LinkShare::Guest {
   int fd;
   proto::FrameDecoderBuffer<> frames;
   bool greeted = false;
-  std::uint16_t tag = 0;               ///< of the map that he was greeted with
-  std::vector<std::uint32_t> owed;     ///< tiles to come, the next one last
-  std::set<std::uint32_t> unfinished;  ///< were handed out with something missing
+  std::uint16_t tag = 0;                ///< of the map that he was greeted with
+  std::set<std::uint32_t> coarse_owed;  ///< coarse tiles to come before them
+  std::vector<std::uint32_t> owed;      ///< tiles to come, the next one last
+  std::set<std::uint32_t> unfinished;   ///< were handed out with something missing
 
   /// Of those, the ones that are whole now.
   void owe_finished(const TileStore& map) {
@@ -85,14 +141,14 @@ void LinkShare::give(const std::uint8_t* data, std::size_t size_bytes) {
 }
 
 void LinkShare::serve(const std::function<bool(const std::vector<std::uint8_t>&)>& send,
-                      const TileStore* map) {
+                      const Receiver& heard) {
   let_in();
   for (auto& guest : guests_) {
     if (guest && !listen_to(guest.get(), send)) {
       guest.reset();
     }
-    if (guest && map != nullptr) {
-      hand_out(guest.get(), *map);
+    if (guest && heard.store() != nullptr) {
+      hand_out(guest.get(), heard);
     }
   }
 }
@@ -130,29 +186,28 @@ bool LinkShare::listen_to(Guest* guest,
   return true;
 }
 
-void LinkShare::hand_out(Guest* guest, const TileStore& map) {
+void LinkShare::hand_out(Guest* guest, const Receiver& heard) {
   int unread_bytes = 0;
   if (::ioctl(guest->fd, SIOCOUTQ, &unread_bytes) != 0 ||
       static_cast<std::size_t>(unread_bytes) >= kHandOut_bytes) {
     return;
   }
+  const TileStore& map = *heard.store();
   std::vector<std::uint8_t> bytes;
-  const auto add = [&bytes](const std::uint8_t* payload, std::size_t size_bytes) {
-    const std::vector<std::uint8_t> frame = framed(payload, size_bytes);
-    bytes.insert(bytes.end(), frame.begin(), frame.end());
-  };
-  std::uint8_t payload[proto::kMaxPayload_bytes];
   if (!guest->greeted || guest->tag != map.tag()) {
     guest->greeted = true;
     guest->tag = map.tag();
     guest->owed = map.changed_since(0);
     std::reverse(guest->owed.begin(), guest->owed.end());
     guest->unfinished.clear();
-    const auto size = proto::encode_hello(map.hello(), payload, sizeof payload);
-    if (size.ok()) {
-      add(payload, size.value());
-    }
+    guest->coarse_owed = coarse_tiles_of(heard);
+    add_greeting(heard, &bytes);
   }
+  while (!guest->coarse_owed.empty() && bytes.size() < kHandOut_bytes) {
+    add_coarse(heard, *guest->coarse_owed.begin(), &bytes);
+    guest->coarse_owed.erase(guest->coarse_owed.begin());
+  }
+  std::uint8_t payload[proto::kMaxPayload_bytes];
   guest->owe_finished(map);
   while (!guest->owed.empty() && bytes.size() < kHandOut_bytes) {
     proto::TilePacketEncoder packet(payload, sizeof payload, map.tag());
@@ -160,7 +215,7 @@ void LinkShare::hand_out(Guest* guest, const TileStore& map) {
     }
     const std::size_t size_bytes = packet.finish();
     if (size_bytes > 0) {
-      add(payload, size_bytes);
+      add_frame(payload, size_bytes, &bytes);
     }
   }
   if (!bytes.empty() && ::send(guest->fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) !=
@@ -175,12 +230,27 @@ bool LinkShare::add_next_tile(Guest* guest, const TileStore& map,
   const std::uint32_t id = guest->owed.back();
   const std::optional<TileView> tile = map.tile(id);
   if (tile) {
+    proto::CodedCell cells[proto::kTileArea_cells];
+    std::copy_n(tile->cells, proto::kTileArea_cells, cells);
+    proto::CellMask told = all_cells();
+    std::uint32_t generation = tile->generation;
+    if (!tile->complete) {
+      // The vehicle's own next word is to count, with its hash: ours is of what we have. And he is to know that it
+      // is not whole, by a hash that one cell which we do not know makes wrong: coarse cells stand in for such.
+      generation -= 1;
+      const auto* const unknown =
+          std::find(std::begin(cells), std::end(cells), proto::kUnknownCell);
+      if (unknown != std::end(cells)) {
+        const auto cell = static_cast<int>(unknown - std::begin(cells));
+        cells[cell] = proto::code_cell(0, 0, 0);
+        told.rows[cell / proto::kTileSide_cells] ^=
+            static_cast<std::uint16_t>(1U << static_cast<unsigned>(cell % proto::kTileSide_cells));
+      }
+    }
     proto::CellMask taken{};
-    // Of one that misses something the vehicle's own next word is to count, with its hash: ours is of what we have.
-    const std::uint32_t generation = tile->generation - (tile->complete ? 0U : 1U);
-    const auto added = packet->add({id, generation, tile->cells, all_cells()}, taken);
-    if (!added.ok() || added.value() < proto::kTileArea_cells) {
-      return false;  // cut: all of it stands in the next packet, where this part does no harm
+    const auto added = packet->add_whole({id, generation, cells, told}, taken);
+    if (!added.ok()) {
+      return false;
     }
     counters_.handed_tiles += 1;
     if (!tile->complete) {

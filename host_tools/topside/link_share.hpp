@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "hal/linux/local_socket.hpp"
-#include "host_tools/topside/tile_store.hpp"
+#include "host_tools/topside/receiver.hpp"
 #include "proto/framing.hpp"
 
 namespace leadline::host {
@@ -45,11 +45,11 @@ class LinkShare {
   /// What came down. Who does not read it is cut off: nobody waits for a guest.
   void give(const std::uint8_t* data, std::size_t size_bytes);
   /// Lets guests in and passes on what they send, frame by frame; `send` returns false where it has no room, and the
-  /// frame is lost, as on any link. `map`: what has come so far, all of which was given before; null: nothing. Whoever
-  /// has not heard it gets hello and tiles, those that changed last first, at the pace at which he reads; a tile of which
-  /// something is missing once more when it is whole. Once a round.
+  /// frame is lost, as on any link. `heard`: what has come so far, all of which was given before. Whoever has not heard
+  /// its map gets hello, last status, coarse cells that still show and tiles, those that changed last first, at the pace at
+  /// which he reads; a tile of which something is missing once more when it is whole. Once a round.
   void serve(const std::function<bool(const std::vector<std::uint8_t>&)>& send,
-             const TileStore* map);
+             const Receiver& heard);
 
   [[nodiscard]] const LinkShareCounters& counters() const { return counters_; }
 
@@ -58,7 +58,7 @@ class LinkShare {
   void let_in();
   /// False: the guest is gone.
   bool listen_to(Guest* guest, const std::function<bool(const std::vector<std::uint8_t>&)>& send);
-  void hand_out(Guest* guest, const TileStore& map);
+  void hand_out(Guest* guest, const Receiver& heard);
   bool add_next_tile(Guest* guest, const TileStore& map, proto::TilePacketEncoder* packet);
   void pass_on(const proto::FrameView& frame,
                const std::function<bool(const std::vector<std::uint8_t>&)>& send);

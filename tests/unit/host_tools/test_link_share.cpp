@@ -86,6 +86,7 @@ Bytes command_frame() {
 
 /// What the share sends up in some rounds.
 Bytes sent_up(LinkShare* share, bool room = true) {
+  const leadline::host::Receiver nothing;
   Bytes up;
   for (int round = 0; round < 8; ++round) {
     share->serve(
@@ -95,7 +96,7 @@ Bytes sent_up(LinkShare* share, bool room = true) {
           }
           return room;
         },
-        nullptr);
+        nothing);
   }
   return up;
 }
@@ -241,7 +242,7 @@ struct Holder {
     receiver.feed(down.data(), down.size());
   }
   void round() {
-    share.serve([](const Bytes&) { return true; }, receiver.store());
+    share.serve([](const Bytes&) { return true; }, receiver);
   }
   LinkShare share;
   leadline::host::Receiver receiver;
@@ -306,6 +307,79 @@ TEST(who_comes_late_gets_the_map_that_is_there) {
   catch_up(&holder, late, &caught_up);
   assert_int_equal(caught_up.store()->hello().survey_id, 6);
   assert_true(caught_up.store()->cells_hash() == holder.receiver.store()->cells_hash());
+}
+
+// What the holder shows besides the map: the coarse cells that still stand in, and the last status as briefs have changed it.
+TEST(who_comes_late_sees_coarse_cells_and_the_status) {
+  const Place place;
+  Holder holder(place.path);
+  Random random(13);
+  const Survey survey(5);
+  Survey speaker(5);
+  const std::uint16_t tag = proto::survey_tag(survey.hello.survey_id, survey.hello.session);
+  holder.hear(survey.hello_frame());
+  // Three coarse tiles of 25; the one in the corner reaches over the grid by none of its cells.
+  for (const std::uint32_t coarse_id : {0U, 7U, 24U}) {
+    proto::CodedCell cells[proto::kTileArea_cells] = {};
+    proto::CellMask known{};
+    for (int cell = 0; cell < proto::kTileArea_cells; ++cell) {
+      if (cell % 3 != 0) {
+        cells[cell] =
+            proto::code_cell(static_cast<std::int32_t>(random.between(100, 9000)), 2048, 0);
+        known.set(cell);
+      }
+    }
+    Bytes payload(proto::kMaxPayload_bytes);
+    proto::TilePacketEncoder packet(payload.data(), payload.size(), tag, proto::TileScale::kCoarse);
+    proto::CellMask taken{};
+    assert_true(packet.add({coarse_id, 0, cells, known}, taken).ok());
+    payload.resize(packet.finish());
+    holder.hear(framed(payload));
+  }
+  proto::Status status{};
+  status.work_bound_voxels = 4321;
+  status.tiles_known = 40;
+  status.port_count = 2;
+  status.ports[1].records = 17;
+  Bytes payload(proto::kMaxStatus_bytes);
+  payload.resize(proto::encode_status(status, payload.data(), payload.size()).value());
+  holder.hear(framed(payload));
+  status.alarms = proto::kAlarmNoPose;
+  status.tiles_known = 41;
+  payload.resize(proto::kMaxBrief_bytes);
+  payload.resize(
+      proto::encode_brief(proto::brief_of(status), payload.data(), payload.size()).value());
+  holder.hear(framed(payload));
+  // One tile came whole, of another a part.
+  (void)speaker.change(1, &random);
+  holder.hear(speaker.whole(1));
+  (void)speaker.change(2, &random);
+  holder.hear(speaker.change(2, &random));
+  const auto& shown = holder.receiver.coarse();
+  assert_int_equal(shown.tiles(), 3 * 16 - 1);
+
+  const Guest late(place.path);
+  leadline::host::Receiver guest;
+  catch_up(&holder, late, &guest);
+  assert_int_equal(guest.counters().malformed + guest.counters().damaged_frames, 0);
+  assert_int_equal(guest.coarse().tiles(), shown.tiles());
+  for (const std::uint32_t tile : shown.changed_since(0)) {
+    assert_non_null(guest.coarse().tile(tile));
+    assert_true(*guest.coarse().tile(tile) == *shown.tile(tile));
+  }
+  assert_null(guest.coarse().tile(1));
+  assert_non_null(guest.coarse().tile(2));  // stands in for what is missing of it
+  assert_int_equal(guest.store()->tiles_incomplete(), 1);
+  assert_true(guest.store()->cells_hash() == holder.receiver.store()->cells_hash());
+  assert_true(guest.status().has_value());
+  assert_int_equal(guest.status()->work_bound_voxels, 4321);
+  assert_int_equal(guest.status()->tiles_known, 41);
+  assert_int_equal(guest.status()->ports[1].records, 17);
+  assert_int_equal(guest.status()->alarms, proto::kAlarmNoPose);
+  // Once.
+  const std::uint64_t statuses = guest.counters().statuses;
+  catch_up(&holder, late, &guest);
+  assert_int_equal(guest.counters().statuses, statuses);
 }
 
 TEST(a_map_that_comes_from_a_store_is_handed_out_too) {
