@@ -94,8 +94,8 @@ TEST(a_bad_line_converges_within_its_bounds) {
                   time_most, time_within);
       std::fflush(stdout);
       // Of 30 tiles single runs hang on luck: a byte more in a brief deals all seeds anew, and 16 to 20 of them keep
-      // the demand. Most must, and the mean.
-      assert_true(bytes_sum / kSeeds <= 1.15 && bytes_most <= 1.8);
+      // the demand. Most must, and the mean; a hello more in B0 is 4 % of it.
+      assert_true(bytes_sum / kSeeds <= 1.2 && bytes_most <= 1.8);
       assert_true(up_most <= 0.1);
       assert_true(bytes_within >= 14);
       // A line that carries all in a few round trips waits for these instead.
