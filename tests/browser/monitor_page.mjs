@@ -87,7 +87,7 @@ const close = (a, b, by, what) => assert.ok(Math.abs(a - b) <= by, `${what}: ${a
 
 const steps = [];
 const step = (name, run) => steps.push([name, run]);
-let live;
+let live, played;
 
 step("without a link the page says so", async () => {
   live = await monitor("udp:@127.0.0.1:0");
@@ -374,54 +374,59 @@ step("everything by keyboard", async () => {
 });
 
 step("every control is reached by Tab, seen to be, and has a name; no text is small or faint", async () => {
-  for (const tab of ["log", "display", "health"]) {
-    await page.click(`#tab-${tab}`);
-    // Of radio buttons one is reached, the others from there by arrows.
-    const wanted = await page.evaluate(() => [...document.querySelectorAll("button, input:not([type=radio]), input:checked, select, canvas[tabindex]")]
-      .filter((c) => c.checkVisibility() && !c.disabled).map((c) => (c.dataset.reach = c.id || c.dataset.tool || c.name)).sort());
-    const reached = [];
-    for (let k = 0; k < wanted.length + 2; k++) { // round once, through the page itself
-      await page.keyboard.press("Tab");
-      const at = await page.evaluate(() => {
-        const on = document.activeElement;
-        if (on === document.body) return null;
-        const style = getComputedStyle(on.type === "radio" ? on.nextElementSibling : on);
-        const name = on.getAttribute("aria-label") || on.closest("label")?.innerText || on.innerText || on.title;
-        return { id: on.dataset.reach, name, outlinePx: style.outlineStyle === "none" ? 0 : Number.parseFloat(style.outlineWidth) };
-      });
-      if (at && !reached.includes(at.id)) {
-        reached.push(at.id);
-        assert.ok(at.name?.trim(), `${at.id} has a name`);
-        assert.ok(at.outlinePx >= 2, `${at.id} shows that it has the keys`);
-      }
+  await page.click("#tab-display");
+  // Of radio buttons one is reached, the others from there by arrows.
+  const wanted = await page.evaluate(() => [...document.querySelectorAll("button, input:not([type=radio]), input:checked, select, canvas[tabindex]")]
+    .filter((c) => c.checkVisibility() && !c.disabled).map((c) => (c.dataset.reach = c.id || c.dataset.tool || c.name)).sort());
+  const reached = [];
+  for (let k = 0; k < wanted.length + 2; k++) { // round once, through the page itself
+    await page.keyboard.press("Tab");
+    const at = await page.evaluate(() => {
+      const on = document.activeElement;
+      if (on === document.body) return null;
+      const style = getComputedStyle(on.type === "radio" ? on.nextElementSibling : on);
+      const name = on.getAttribute("aria-label") || on.closest("label")?.innerText || on.innerText || on.title;
+      return { id: on.dataset.reach, name, outlinePx: style.outlineStyle === "none" ? 0 : Number.parseFloat(style.outlineWidth) };
+    });
+    if (at && !reached.includes(at.id)) {
+      reached.push(at.id);
+      assert.ok(at.name?.trim(), `${at.id} has a name`);
+      assert.ok(at.outlinePx >= 2, `${at.id} shows that it has the keys`);
     }
-    assert.deepEqual(reached.sort(), wanted);
+  }
+  assert.deepEqual(reached.sort(), wanted);
+  const poor = await page.evaluate(() => {
+    const rgb = (text) => text.match(/[\d.]+/g).map(Number);
+    const luminance = (c) => [0.2126, 0.7152, 0.0722].reduce((sum, part, i) => {
+      const x = c[i] / 255;
+      return sum + part * (x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+    }, 0);
+    const found = [], root = document.documentElement, was = root.dataset.theme;
+    let looked = 0;
     for (const theme of ["dark", "sunlight"]) {
-      const poor = await page.evaluate(() => {
-        const rgb = (text) => text.match(/[\d.]+/g).map(Number);
-        const luminance = (c) => [0.2126, 0.7152, 0.0722].reduce((sum, part, i) => {
-          const x = c[i] / 255;
-          return sum + part * (x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
-        }, 0);
-        const found = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+      root.dataset.theme = theme;
+      for (const tab of ["log", "display", "health"]) {
+        document.querySelector(`#tab-${tab}`).click();
+        const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
         while (walk.nextNode()) {
-          const element = walk.currentNode.parentElement;
-          if (!walk.currentNode.data.trim() || !element.checkVisibility({ visibilityProperty: true }) || element.closest("#state-heard")) continue;
-          const style = getComputedStyle(element), what = walk.currentNode.data.trim().slice(0, 30);
-          if (Number.parseFloat(style.fontSize) < 12) found.push(`${what}: ${style.fontSize}`);
+          const element = walk.currentNode.parentElement, text = walk.currentNode.data.trim().slice(0, 30);
+          if (!text || !element.checkVisibility({ visibilityProperty: true }) || element.closest("#state-heard, option")) continue;
+          looked++;
+          const style = getComputedStyle(element);
+          if (Number.parseFloat(style.fontSize) < 12) found.push(`${theme}: ${text}: ${style.fontSize}`);
           let ground = element, colour;
           do colour = rgb(getComputedStyle(ground).backgroundColor); while ((colour[3] ?? 1) < 0.9 && (ground = ground.parentElement));
           const [a, b] = [luminance(rgb(style.color)), luminance(colour)];
           const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
-          if (contrast < 4.5 && !element.closest("svg, option")) found.push(`${what}: contrast ${contrast.toFixed(1)}`);
+          if (contrast < 4.5) found.push(`${theme}: ${text}: contrast ${contrast.toFixed(1)}`);
         }
-        return found;
-      });
-      assert.deepEqual(poor, [], theme);
-      await page.keyboard.press("t");
+      }
     }
-  }
-  await page.click("#tab-health");
+    root.dataset.theme = was;
+    return { found, looked };
+  });
+  assert.ok(poor.looked > 100, `${poor.looked} texts`);
+  assert.deepEqual(poor.found, []);
   await page.focus("#tab-health");
   await page.keyboard.press("ArrowRight");
   assert.equal(await page.getAttribute("#tab-display", "aria-selected"), "true");
@@ -473,7 +478,7 @@ step("a silent vehicle and a silent monitor are said, with the time", async () =
   assert.equal(said.vehicle.heard, "Vehicle silent");
   assert.match(said.vehicle.alarm, /^The vehicle has been silent since \d\d:\d\d:\d\d: figures/);
   assert.equal(said.vehicle.stale, true);
-  assert.equal(said.monitor.state, "Monitor silent for 6 s");
+  assert.match(said.monitor.state, /^Monitor silent for \d+ s$/);
   await until(() => document.querySelector("#state span").textContent.startsWith("Live"));
   // One that stays silent is given up, and reached anew.
   await page.evaluate(() => { for (let k = 0; k < 20; k++) window.leadline.link.tick(); });
@@ -551,7 +556,8 @@ step("a monitor that dies is missed, and comes back", async () => {
 });
 
 step("a recording: to its end, back, and forward again", async () => {
-  const played = await monitor(`file:${log}`);
+  played = await monitor(log);
+  await page.setViewportSize({ width: 900, height: 600 });
   await page.goto(played.url);
   await until((count) => window.leadline.page.complete && window.leadline.page.store.known === count, knownCells.length);
   await page.locator("#player").waitFor({ state: "visible" });
@@ -604,7 +610,6 @@ step("a stored survey: the same map, by the same page", async () => {
 });
 
 step("without WebGL health and messages are there, and nothing breaks", async () => {
-  const played = await startMonitor(program, log);
   const blind = watch(await browser.newPage({ viewport: { width: 900, height: 600 } }), complaints);
   await blind.addInitScript(() => {
     const get = HTMLCanvasElement.prototype.getContext;
@@ -613,14 +618,12 @@ step("without WebGL health and messages are there, and nothing breaks", async ()
   await blind.goto(played.url);
   await blind.waitForFunction(() => document.querySelector('[data-id="map"] dd') && window.leadline.page.complete, null, { timeout: PATIENCE_MS });
   assert.match(await blind.locator("#empty").innerText(), /cannot be drawn[\s\S]*no WebGL 2/);
-  for (const key of ["v", "p", "Enter", "ArrowLeft", "+", "o", "2", "c", "f", "Home", "Escape", "t", " "]) await blind.keyboard.press(key);
+  for (const key of ["v", "p", "Enter", "ArrowLeft", "+", "o", "2", "c", "f", "Home", "Escape", "t"]) await blind.keyboard.press(key);
   if (pictures) await blind.screenshot({ path: path.join(pictures, "no-webgl.png") });
   await blind.close();
-  played.child.kill("SIGTERM");
 });
 
 step("on a small screen, by touch, nothing is out of reach", async () => {
-  const played = await startMonitor(program, log);
   const context = await browser.newContext({ viewport: { width: 360, height: 640 }, hasTouch: true, isMobile: true, reducedMotion: "reduce" });
   page = watch(await context.newPage(), complaints);
   await page.goto(played.url);

@@ -50,7 +50,10 @@ link.addEventListener("state", ({ detail }) => {
   // What is read stays true while the map changes and time goes on.
   if (page.obstacles) showObstacles();
   if (page.store && page.points.length) showReadout();
-  page.dirty = true;
+  // Drawn anew only when it would look different: batteries are on board.
+  const here = JSON.stringify([detail.vehicle?.pose, detail.vehicle?.beams, vehicle()?.silent, page.mode === "age" && nowS()]);
+  page.dirty ||= page.drawnHere !== here;
+  page.drawnHere = here;
 });
 link.addEventListener("tiles", ({ detail }) => {
   begin(detail.epoch);
