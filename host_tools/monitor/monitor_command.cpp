@@ -178,7 +178,7 @@ class Monitor {
     }
     for (const ReceiverNotice& notice : receiver_->take_notices()) {
       say(severity_word(notice.severity) + printable(notice.text, 300));
-      state_.add_notice(notice);
+      state_.add_notice(notice, clock_s(now));
     }
     // A map is sent only behind the state that describes it: that one does not wait.
     wanted_ = wanted_ || state_epoch_ != map_.epoch();
@@ -187,7 +187,7 @@ class Monitor {
       state_epoch_ = map_.epoch();
       wanted_ = false;
       state_number_ += 1;
-      state_json_ = state_.json(*receiver_, surroundings(now), player_ ? vehicle_s() : now);
+      state_json_ = state_.json(*receiver_, surroundings(now), clock_s(now));
     }
     if (StopSignals::take_wish()) {
       write(options_.out_dir);
@@ -251,6 +251,9 @@ class Monitor {
                           state_.follow(*receiver_, vehicle_s());
                         }});
   }
+
+  /// What the state's rates and ages go by: of a recording, its own time.
+  [[nodiscard]] double clock_s(double now) const { return player_ ? vehicle_s() : now; }
 
   [[nodiscard]] double vehicle_s() const {
     return receiver_->status() ? static_cast<double>(receiver_->status()->t_us) * 1e-6 : 0.0;

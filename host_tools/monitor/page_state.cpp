@@ -156,9 +156,9 @@ void PageState::restart() {
   fused_.clear();
 }
 
-void PageState::add_notice(const ReceiverNotice& notice) {
+void PageState::add_notice(const ReceiverNotice& notice, double now_s) {
   notice_count_ += 1;
-  notices_.push_back({notice_count_, notice.severity, notice.text});
+  notices_.push_back({notice_count_, now_s, notice.severity, notice.text});
   if (notices_.size() > kMaxNotices) {
     notices_.pop_front();
   }
@@ -203,6 +203,7 @@ std::string PageState::json(const Receiver& receiver, const PageSurroundings& ar
   json["notices"] = Json::array();
   for (const NumberedNotice& notice : notices_) {
     json["notices"].push_back({{"number", notice.number},
+                               {"ago_s", now_s - notice.t_s},
                                {"severity", static_cast<int>(notice.severity)},
                                {"text", notice.text}});
   }

@@ -33,7 +33,8 @@ class PageState {
   void follow(const Receiver& receiver, double now_s);
   /// Another map: rates of the vehicle begin again.
   void restart();
-  void add_notice(const ReceiverNotice& notice);
+  /// `now_s` by the same clock as json()'s.
+  void add_notice(const ReceiverNotice& notice, double now_s);
 
   [[nodiscard]] double bytes_per_second(double now_s) const { return bytes_.per_second(now_s); }
   /// The state message.
@@ -52,6 +53,7 @@ class PageState {
   RateWindow fused_{kPingWindow_s};
   struct NumberedNotice {
     std::uint64_t number;
+    double t_s;
     proto::Severity severity;
     std::string text;
   };

@@ -196,7 +196,7 @@ function frame(nowMs) {
   const free = margins();
   if (page.userMoved) scene.glide = null;
   if (scene.glide) scene.glideOn(nowMs);
-  else if (store && !page.userMoved && (!page.fitted || (page.mapChanged && !scene.framed(free, vehicle())))) fit(page.fitted);
+  else if (store && !page.userMoved && (!page.fitted || (page.mapChanged && !scene.framed(free, vehicle())))) fit(page.fitted && page.complete);
   const range = colourRange();
   const shared = scene.shared;
   shared.mode.value = MODES.indexOf(page.mode);
@@ -330,7 +330,11 @@ function showNotices(notices) {
   if (page.newestNotice === newest) return;
   page.newestNotice = newest;
   const kinds = ["info", "warning", "error"];
-  $("notices").replaceChildren(...[...notices].reverse().map((notice) => make("li", notice.text, kinds[notice.severity] ?? "info")));
+  $("notices").replaceChildren(...[...notices].reverse().map((notice) => {
+    const item = make("li", notice.text, kinds[notice.severity] ?? "info");
+    if (!page.state.player) item.prepend(make("time", words.timeOfDay(notice.ago_s)));
+    return item;
+  }));
   if (!notices.length) $("notices").replaceChildren(make("li", "Nothing was said yet."));
 }
 
@@ -640,18 +644,13 @@ $("speed").addEventListener("change", () => {
 
 if (scene) {
   const canvas = $("scene");
-  canvas.addEventListener("focus", () => {
-    page.aim = canvas.matches(":focus-visible");
-    page.dirty = true;
-  });
-  canvas.addEventListener("blur", () => {
-    page.aim = false;
-    page.dirty = true;
-  });
+  // Whoever presses it has it focused by the controls: that is no use of the keys.
+  canvas.addEventListener("focus", () => setAim(!pressed && canvas.matches(":focus-visible")));
+  canvas.addEventListener("blur", () => setAim(false));
   let pressed = null;
   canvas.addEventListener("pointerdown", (event) => {
     pressed = { x: event.clientX, y: event.clientY };
-    page.aim = false;
+    setAim(false);
   });
   canvas.addEventListener("pointermove", (event) => {
     if (pressed && Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > 5) {
@@ -669,6 +668,13 @@ if (scene) {
     pressed = null;
   });
   canvas.addEventListener("wheel", () => { page.userMoved = true; });
+}
+
+/** Whether the keys act on the map: a frame and a cross in the middle show it. */
+function setAim(on) {
+  page.aim = on;
+  $("scene").classList.toggle("aim", on);
+  page.dirty = true;
 }
 
 const MOVES = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -697,12 +703,13 @@ addEventListener("keydown", (event) => {
   if (typing && event.key !== "Escape") return;
   const move = MOVES[event.key];
   if (move && !own) {
-    page.userMoved = page.aim = true;
+    page.userMoved = true;
+    setAim(true);
     setFollow(false);
     if (event.shiftKey) scene?.turn(-8 * move[0], 6 * move[1]);
     else scene?.nudge(0.08 * move[0], 0.08 * move[1]);
   } else if (event.key === "Enter" && !own) {
-    page.aim = true;
+    setAim(true);
     const at = scene && middle(margins());
     if (at) addPoint(scene.pick(at.x, at.y));
   } else if (KEYS[event.key.toLowerCase()] && !(own && event.key === " ")) {

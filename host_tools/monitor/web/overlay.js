@@ -34,7 +34,7 @@ export class Overlay {
     this.free = view.margins;
     if (!this.scene.store) return;
     if (view.showTrack) this.#track(view.track);
-    if (view.vehicle) this.#beam(view);
+    if (view.vehicle && !view.vehicle.silent) this.#beam(view);
     this.#points(view);
     if (view.vehicle) this.#vehicle(view.vehicle);
     if (view.aim) this.#aim();

@@ -168,7 +168,7 @@ export function healthRows(state) {
     add("link", "Link", q.words, q.level);
     const budget = link.budget_bytes_per_s;
     add("rate", "Data rate", budget > 0 ? `${rate(link.bytes_per_s)} of ${rate(budget)}` : rate(link.bytes_per_s),
-      "ok", budget > 0 ? link.bytes_per_s / budget : null);
+      budget > 0 && link.bytes_per_s > 1.05 * budget ? "warn" : "ok", budget > 0 ? link.bytes_per_s / budget : null);
   } else {
     add("rate", "Data rate", rate(link.bytes_per_s), "ok");
   }
@@ -188,8 +188,8 @@ export function healthRows(state) {
     const work = vehicle.work;
     if (work.bound > 0 && work.max > 0) {
       const percent = (voxels) => fixed((100 * voxels) / work.bound, voxels > 0 && 10 * voxels < work.bound ? 2 : 0);
-      add("work", "Work per cycle", `${percent(work.last)} % of bound`, work.max > work.bound ? "bad" : "ok",
-        work.last / work.bound, `at most ${percent(work.max)} % so far`);
+      // The last cycle's own would jump: most cycles have no ping.
+      add("work", "Work at most", `${percent(work.max)} % of bound`, work.max > work.bound ? "bad" : "ok", work.max / work.bound);
     }
     const closed = vehicle.ports.filter((port) => !port.open).length;
     if (vehicle.ports.length) {
