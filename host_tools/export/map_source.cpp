@@ -98,6 +98,7 @@ MapSource load_log(const std::string& path) {
   source.sigma = store->sigma();
   source.reference = hello_reference(store->hello());
   take_configured_names(path, &source.reference);
+  source.surveys = {survey_label(store->hello())};
   source.origin = path + ", the link's map";
   return source;
 }
@@ -108,6 +109,9 @@ MapSource load_store(const std::string& path) {
   source.elevation = opened.map->elevation();
   source.sigma = opened.map->sigma();
   source.reference = hello_reference(opened.survey.hello);
+  source.surveys = opened.survey.kind == "merged"
+                       ? opened.survey.parts
+                       : std::vector<std::string>{survey_label(opened.survey.hello)};
   source.origin = parse_store_path(path).file + ", survey " + std::to_string(opened.survey.number);
   if (opened.load.damaged_tiles > 0) {
     std::cerr << "leadline: warning: " << source.origin << ": " << opened.load.damaged_tiles
@@ -179,6 +183,10 @@ GeoReference hello_reference(const proto::Hello& hello) {
   reference.vertical_datum = text(hello.vertical_datum);
   reference.survey_name = text(hello.survey_name);
   return reference;
+}
+
+std::string survey_label(const proto::Hello& hello) {
+  return "survey " + std::to_string(hello.survey_id) + ", session " + std::to_string(hello.session);
 }
 
 bool is_log_or_store(const std::string& path) {

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "host_tools/geotiff.hpp"
 #include "host_tools/model_file.hpp"
@@ -18,6 +19,8 @@ struct MapSource {
   GeoReference reference;           ///< what the source says of its place
   std::optional<SavedModel> model;  ///< the voxels, where the source has them
   std::string origin;               ///< in words, for headers of files
+  std::vector<std::string>
+      surveys;  ///< survey_label() of all that are in it, where the source says
 };
 
 /// Whether the path names a log or a store: maps that are neither folder nor raster.
@@ -25,6 +28,9 @@ struct MapSource {
 
 /// Errors: HostError kInput naming the file.
 [[nodiscard]] MapSource load_map_source(const std::string& path);
+
+/// "survey 7, session 1796051367": which flight of which vehicle.
+[[nodiscard]] std::string survey_label(const proto::Hello& hello);
 
 /// What a hello says of the place, and the survey's name.
 [[nodiscard]] GeoReference hello_reference(const proto::Hello& hello);

@@ -7,6 +7,7 @@
 #include <ogr_srs_api.h>
 
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/text.hpp"
 
 namespace leadline::host {
 namespace {
@@ -196,6 +197,46 @@ std::vector<AlignedMap> align_maps(const std::vector<MapSource>& maps) {
                        off <= kSame_cells ? 0.0 : off});
   }
   return aligned;
+}
+
+void check_datums(const std::vector<MapSource>& maps, const std::string& hint) {
+  const MapSource* first = nullptr;
+  for (const MapSource& map : maps) {
+    const std::string datum = map.reference.vertical_datum.value_or("");
+    if (datum.empty()) {
+      continue;
+    }
+    if (first != nullptr && datum != *first->reference.vertical_datum) {
+      refuse(map, "its depths count from \"" + printable(datum, 64) + "\", those of " +
+                      first->origin + " from \"" + printable(*first->reference.vertical_datum, 64) +
+                      "\"" + hint);
+    }
+    first = first == nullptr ? &map : first;
+  }
+}
+
+void check_evidence(const std::vector<MapSource>& maps, const std::vector<AlignedMap>& aligned) {
+  constexpr std::size_t kLeastCommon_cells = 16;  // fewer may agree by chance
+  for (std::size_t a = 0; a < aligned.size(); ++a) {
+    for (std::size_t b = a + 1; b < aligned.size(); ++b) {
+      std::size_t common = 0;
+      std::size_t same = 0;
+      for (std::size_t k = 0; k < aligned[a].elevation.values.size(); ++k) {
+        const double elevation = aligned[a].elevation.values[k];
+        const bool both = !std::isnan(elevation) && !std::isnan(aligned[b].elevation.values[k]);
+        common += both ? 1 : 0;
+        same += both && elevation == aligned[b].elevation.values[k] &&
+                        aligned[a].sigma.values[k] == aligned[b].sigma.values[k]
+                    ? 1
+                    : 0;
+      }
+      if (common >= kLeastCommon_cells && 2 * same >= common) {
+        refuse(maps[b], std::to_string(same) + " of the " + std::to_string(common) +
+                            " cells that it shares with " + maps[a].origin +
+                            " are the very same: one survey, whose evidence would count twice");
+      }
+    }
+  }
 }
 
 }  // namespace leadline::host

@@ -27,4 +27,12 @@ struct AlignedMap {
 /// frames that are turned against each other by more than 1/4 cell over the map.
 [[nodiscard]] std::vector<AlignedMap> align_maps(const std::vector<MapSource>& maps);
 
+/// HostError kInput naming a map whose depths count from another zero than those of one before it, as far as both say
+/// what it is; `hint` ends the message.
+void check_datums(const std::vector<MapSource>& maps, const std::string& hint);
+
+/// HostError kInput naming a map that has half of the cells it shares with another one in the very depth and sigma of
+/// that: it is the same survey, whose evidence would count twice. O(maps^2 * cells).
+void check_evidence(const std::vector<MapSource>& maps, const std::vector<AlignedMap>& aligned);
+
 }  // namespace leadline::host

@@ -70,6 +70,10 @@ std::string survey_json(const StoredSurvey& survey) {
   if (hello.epsg != 0) {
     text += ", \"epsg\": " + std::to_string(hello.epsg);
   }
+  if (hello.vertical_datum.size_bytes > 0) {
+    text += ", \"vertical_datum\": " +
+            json_string({hello.vertical_datum.text, hello.vertical_datum.size_bytes});
+  }
   return text;
 }
 
@@ -77,8 +81,8 @@ std::string survey_name(const StoredSurvey& survey) {
   if (survey.kind == "merged") {
     return survey.name.empty() ? "merged" : "merged: " + printable(survey.name, 60);
   }
-  return "survey " + std::to_string(survey.hello.survey_id) + ", session " +
-         std::to_string(survey.hello.session);
+  return survey_label(survey.hello) +
+         (survey.name.empty() ? "" : " (" + printable(survey.name, 60) + ")");
 }
 
 }  // namespace
@@ -193,6 +197,8 @@ CodedMap code_map(const Raster& elevation, const Raster& sigma, const Raster& di
     hello.longitude_e9deg = std::llround(*reference.lon_deg * 1e9);
   }
   hello.epsg = reference.epsg.value_or(0);
+  proto::name_survey(hello, nullptr, reference.vertical_datum.value_or("").c_str(),
+                     proto::kMaxHello_bytes);
   std::uint8_t bytes[proto::kMaxHello_bytes];
   if (!proto::encode_hello(hello, bytes, sizeof bytes).ok()) {
     refuse("no store holds " + describe_geometry(elevation) + ", " + json_number(cells_down) +
@@ -231,6 +237,26 @@ CodedMap code_map(const Raster& elevation, const Raster& sigma, const Raster& di
   return coded;
 }
 
+namespace {
+
+/// All surveys that the maps hold, and a warning for each that is in two of them: evidence that is in both counts twice.
+std::vector<std::string> surveys_in(const std::vector<MapSource>& maps) {
+  std::vector<std::string> all;
+  for (const MapSource& map : maps) {
+    for (const std::string& survey : map.surveys) {
+      if (std::find(all.begin(), all.end(), survey) == all.end()) {
+        all.push_back(survey);
+      } else {
+        std::cerr << "leadline: warning: " << map.origin << " holds " << survey
+                  << ", as a map before it does: what both know of it counts twice\n";
+      }
+    }
+  }
+  return all;
+}
+
+}  // namespace
+
 int run_store_merge(const StoreMergeOptions& options) {
   if (options.paths.size() < 2) {
     throw HostError(ExitCode::kUsage, "store merge: wants two maps or more");
@@ -247,6 +273,9 @@ int run_store_merge(const StoreMergeOptions& options) {
     }
   }
   const std::vector<AlignedMap> maps = align_maps(sources);
+  check_datums(sources, "");
+  check_evidence(sources, maps);
+  const std::vector<std::string> parts = surveys_in(sources);
   const MergedMap merged = merge_maps(maps);
   if (!options.out_dir.empty()) {
     OutputDir output(options.out_dir);
@@ -259,7 +288,7 @@ int run_store_merge(const StoreMergeOptions& options) {
     const CodedMap coded =
         code_map(merged.elevation, merged.sigma, merged.disputed, sources.front().reference);
     SurveyStore store(options.into_path, SurveyStore::Access::kWrite);
-    const std::int64_t number = store.write_merged(*coded.map, coded.disputed, name);
+    const std::int64_t number = store.write_merged(*coded.map, coded.disputed, name, parts);
     place = options.into_path + "#" + std::to_string(number) + ": ";
   }
   std::cout << place << merged.elevation.known_count() << " cells: " << merged.single
@@ -343,6 +372,9 @@ int run_store_difference(const StoreDifferenceOptions& options) {
   const std::vector<MapSource> sources = {load_map_source(options.earlier_path),
                                           load_map_source(options.later_path)};
   const std::vector<AlignedMap> maps = align_maps(sources);
+  if (!options.level) {
+    check_datums(sources, " (--level takes the median change for that)");
+  }
   const MapDifference difference =
       difference_of(maps[0], maps[1], options.significance_sigmas, options.level);
   if (difference.compared == 0) {

@@ -1,5 +1,7 @@
 #include "host_tools/store/survey_store.hpp"
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <chrono>
 #include <cstring>
@@ -22,7 +24,8 @@ constexpr std::size_t kCells_bytes = sizeof(proto::CodedCell) * proto::kTileArea
 constexpr std::size_t kDisputed_bytes = proto::kTileArea_cells / 8;
 
 // Tiles have rowids: in a tree of their key alone (WITHOUT ROWID) a row of 1.1 KB spills into a page of its own, 5 KB a
-// tile. Earlier programs made such stores: they read and are written alike.
+// tile. Earlier programs made such stores: they read and are written alike. Those without the last two columns of
+// surveys get them from the first that writes.
 constexpr const char* kSchema = R"(
 CREATE TABLE surveys (
   number INTEGER PRIMARY KEY,
@@ -32,7 +35,8 @@ CREATE TABLE surveys (
   size_north INTEGER NOT NULL, size_east INTEGER NOT NULL, size_down INTEGER NOT NULL,
   origin_north_mm INTEGER NOT NULL, origin_east_mm INTEGER NOT NULL, origin_down_mm INTEGER NOT NULL,
   latitude_e9deg INTEGER, longitude_e9deg INTEGER, epsg INTEGER NOT NULL,
-  begun_unix_s INTEGER NOT NULL, saved_unix_s INTEGER NOT NULL);
+  begun_unix_s INTEGER NOT NULL, saved_unix_s INTEGER NOT NULL,
+  vertical_datum TEXT NOT NULL DEFAULT '', parts TEXT NOT NULL DEFAULT '');
 CREATE TABLE tiles (
   survey INTEGER NOT NULL REFERENCES surveys (number), tile INTEGER NOT NULL,
   generation INTEGER NOT NULL, hash32 INTEGER NOT NULL, known_cells INTEGER NOT NULL,
@@ -40,12 +44,14 @@ CREATE TABLE tiles (
   PRIMARY KEY (survey, tile));
 )";
 
+constexpr std::array<const char*, 2> kLaterColumns = {"vertical_datum", "parts"};
+
 constexpr const char* kSurveyColumns =
     "SELECT number, survey_id, session, kind, name, cell_mm, size_north, size_east, size_down, "
     "origin_north_mm, origin_east_mm, origin_down_mm, latitude_e9deg, longitude_e9deg, epsg, "
     "begun_unix_s, saved_unix_s, "
     "(SELECT COALESCE(SUM(known_cells), 0) FROM tiles WHERE survey = number), "
-    "(SELECT COUNT(*) FROM tiles WHERE survey = number) FROM surveys ";
+    "(SELECT COUNT(*) FROM tiles WHERE survey = number), ";
 
 std::int64_t now_unix_s() {
   return std::chrono::duration_cast<std::chrono::seconds>(
@@ -244,6 +250,7 @@ SurveyStore::SurveyStore(const std::string& path, Access access)
     execute("PRAGMA journal_mode = WAL");
     execute("PRAGMA synchronous = FULL");
   }
+  find_columns();
 }
 
 SurveyStore::~SurveyStore() = default;
@@ -310,7 +317,47 @@ void SurveyStore::check_format() {
   }
 }
 
+void SurveyStore::find_columns() {
+  const auto has = [this](const char* column) {
+    Statement found(*this, "SELECT COUNT(*) FROM pragma_table_info('surveys') WHERE name = ?");
+    const std::string name = column;
+    found.text(name);
+    (void)found.step();
+    return found.integer_at(0) != 0;
+  };
+  const auto all = [&has] { return std::all_of(kLaterColumns.begin(), kLaterColumns.end(), has); };
+  has_columns_ = all();
+  if (has_columns_ || !writes_) {
+    return;
+  }
+  Transaction transaction(this);
+  for (const char* column : kLaterColumns) {
+    if (!has(column)) {  // another program may have been first
+      execute(
+          ("ALTER TABLE surveys ADD COLUMN " + std::string(column) + " TEXT NOT NULL DEFAULT ''")
+              .c_str());
+    }
+  }
+  transaction.commit();
+  has_columns_ = true;
+}
+
+std::string SurveyStore::survey_rows() const {
+  return std::string(kSurveyColumns) + (has_columns_ ? "vertical_datum, parts" : "'', ''") +
+         " FROM surveys ";
+}
+
 namespace {
+
+proto::HelloText hello_text(const std::string& text) {
+  proto::HelloText out{};
+  out.size_bytes =
+      static_cast<std::uint8_t>(std::min<std::size_t>(text.size(), proto::kMaxHelloText_bytes));
+  std::copy_n(text.begin(), out.size_bytes, std::begin(out.text));
+  return out;
+}
+
+std::string text_of(const proto::HelloText& text) { return {text.text, text.size_bytes}; }
 
 template <typename Row>
 StoredSurvey survey_at(const Row& row) {
@@ -338,6 +385,14 @@ StoredSurvey survey_at(const Row& row) {
   survey.saved_unix_s = row.integer_at(16);
   survey.known_cells = static_cast<std::uint64_t>(row.integer_at(17));
   survey.tiles = static_cast<std::uint32_t>(row.integer_at(18));
+  hello.vertical_datum = hello_text(row.bytes_at(19));
+  hello.survey_name = hello_text(survey.name);
+  const std::string parts = row.bytes_at(20);
+  for (std::size_t at = 0; at < parts.size();) {
+    const std::size_t end = std::min(parts.find('\n', at), parts.size());
+    survey.parts.push_back(parts.substr(at, end - at));
+    at = end + 1;
+  }
   return survey;
 }
 
@@ -351,7 +406,7 @@ bool plausible(const proto::Hello& hello) {
 
 std::vector<StoredSurvey> SurveyStore::surveys() const {
   std::vector<StoredSurvey> found;
-  Statement rows(*this, std::string(kSurveyColumns) + "ORDER BY number");
+  Statement rows(*this, survey_rows() + "ORDER BY number");
   while (rows.step()) {
     found.push_back(survey_at(rows));
   }
@@ -360,7 +415,7 @@ std::vector<StoredSurvey> SurveyStore::surveys() const {
 
 std::optional<StoredSurvey> SurveyStore::survey(std::optional<std::int64_t> number) const {
   Statement rows(
-      *this, std::string(kSurveyColumns) +
+      *this, survey_rows() +
                  (number ? "WHERE number = ?"
                          : "WHERE number = (SELECT number FROM surveys ORDER BY saved_unix_s DESC, "
                            "number DESC LIMIT 1)"));
@@ -494,42 +549,49 @@ std::int64_t SurveyStore::save(const TileStore& store, std::uint64_t since) {
   Transaction transaction(this);
   const proto::Hello& hello = store.hello();
   const std::optional<std::int64_t> found = number_of(hello);
-  const std::int64_t number = found ? *found : insert_survey(hello, "link", "");
+  const std::int64_t number =
+      found ? *found : insert_survey(hello, "link", text_of(hello.survey_name));
   for (const std::uint32_t tile : store.changed_since(since)) {
     write_tile(number, tile, *store.tile(tile), nullptr);
   }
+  write_place(number, hello);
+  transaction.commit();
+  return number;
+}
+
+// Where the map lies, and what its depth 0 means; now is when it was saved.
+void SurveyStore::write_place(std::int64_t number, const proto::Hello& hello) {
   Statement row(
       *this,
-      "UPDATE surveys SET latitude_e9deg = ?, longitude_e9deg = ?, epsg = ?, saved_unix_s = "
-      "? WHERE number = ?");
+      "UPDATE surveys SET latitude_e9deg = ?, longitude_e9deg = ?, epsg = ?, vertical_datum = ?, "
+      "saved_unix_s = ? WHERE number = ?");
   if (hello.has_geodetic_origin != 0) {
     row.integer(hello.latitude_e9deg).integer(hello.longitude_e9deg);
   } else {
     row.null().null();
   }
-  row.integer(hello.epsg).integer(now_unix_s()).integer(number);
+  const std::string datum = text_of(hello.vertical_datum);
+  row.integer(hello.epsg).text(datum).integer(now_unix_s()).integer(number);
   (void)row.step();
-  transaction.commit();
-  return number;
 }
 
 std::int64_t SurveyStore::write_merged(const TileStore& store,
                                        const std::vector<DisputedCells>& disputed,
-                                       const std::string& name) {
+                                       const std::string& name,
+                                       const std::vector<std::string>& parts) {
   Transaction transaction(this);
   const proto::Hello& hello = store.hello();
   const std::int64_t number = insert_survey(hello, "merged", name);
   for (const std::uint32_t tile : store.changed_since(0)) {
     write_tile(number, tile, *store.tile(tile), &disputed[tile]);
   }
-  if (hello.has_geodetic_origin != 0) {
-    Statement row(*this,
-                  "UPDATE surveys SET latitude_e9deg = ?, longitude_e9deg = ? WHERE number = ?");
-    row.integer(hello.latitude_e9deg).integer(hello.longitude_e9deg).integer(number);
-    (void)row.step();
+  write_place(number, hello);
+  std::string lines;
+  for (const std::string& part : parts) {
+    lines += (lines.empty() ? "" : "\n") + part;
   }
-  Statement row(*this, "UPDATE surveys SET epsg = ? WHERE number = ?");
-  row.integer(hello.epsg).integer(number);
+  Statement row(*this, "UPDATE surveys SET parts = ? WHERE number = ?");
+  row.text(lines).integer(number);
   (void)row.step();
   transaction.commit();
   return number;

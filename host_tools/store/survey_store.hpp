@@ -32,13 +32,14 @@ using DisputedCells = std::bitset<proto::kTileArea_cells>;
 /// A survey of a store.
 struct StoredSurvey {
   std::int64_t number = 0;  ///< in this file, from 1 on
-  proto::Hello hello{};     ///< survey, session, grid and place; nothing else of it
+  proto::Hello hello{};     ///< survey, session, grid, place and texts; nothing else of it
   std::string kind;         ///< "link", "merged"
-  std::string name;         ///< for people; "" = none
+  std::string name;         ///< for people, of a "link" the vehicle's; "" = none
   std::int64_t begun_unix_s = 0;
   std::int64_t saved_unix_s = 0;
   std::uint64_t known_cells = 0;
   std::uint32_t tiles = 0;
+  std::vector<std::string> parts;  ///< of a "merged": MapSource::surveys of what was merged
 };
 
 /// What load() found.
@@ -82,9 +83,9 @@ class SurveyStore {
   /// generation, or with more cells in the same, stays. Returns the survey's number. O(tiles written).
   std::int64_t save(const TileStore& store, std::uint64_t since);
 
-  /// Adds a survey of kind "merged". `disputed`: one entry per tile of the grid.
+  /// Adds a survey of kind "merged". `disputed`: one entry per tile of the grid; `parts`: no line breaks in them.
   std::int64_t write_merged(const TileStore& store, const std::vector<DisputedCells>& disputed,
-                            const std::string& name);
+                            const std::string& name, const std::vector<std::string>& parts);
 
   [[nodiscard]] const std::string& path() const { return path_; }
 
@@ -97,6 +98,9 @@ class SurveyStore {
   [[nodiscard]] std::string reason() const;
   void create();
   void check_format();
+  void find_columns();
+  [[nodiscard]] std::string survey_rows() const;
+  void write_place(std::int64_t number, const proto::Hello& hello);
   [[nodiscard]] std::optional<std::int64_t> number_of(const proto::Hello& hello) const;
   std::int64_t insert_survey(const proto::Hello& hello, const char* kind, const std::string& name);
   void write_tile(std::int64_t number, std::uint32_t tile, const TileView& view,
@@ -105,6 +109,8 @@ class SurveyStore {
 
   std::string path_;
   bool writes_;
+  /// All columns are there; not in a file of an earlier program that none has written since.
+  bool has_columns_ = false;
   struct CloseDatabase {
     void operator()(sqlite3* database) const;
   };

@@ -187,7 +187,14 @@ class Store(Case):
 
         self.expect(self.run_leadline("store", "merge", one, two, "--into", self.store, "--name",
                                       "both", "--out", self.dir / "merged"), OK)
+        # A survey cannot be merged with itself, nor unnoticed with what it is part of.
+        self.expect(self.run_leadline("store", "merge", one, self.logs[0], "--into", self.store), INPUT, "count twice",
+                    "surveys.lls, survey 1")
+        done = self.expect(self.run_leadline("store", "merge", two, f"{self.store}#3", "--out", self.dir / "again"), OK)
+        self.assertIn("warning: ", done.stderr)
+        self.assertIn("counts twice", done.stderr)
         merged = self.show(f"{self.store}#3")
+        self.assertEqual((merged["vertical_datum"], self.show(one)["vertical_datum"]), ("sea surface", "sea surface"))
         self.assertEqual((merged["kind"], merged["name"]), ("merged", "both"))
         self.assertGreaterEqual(merged["known_cells"],
                                 max(self.show(one)["known_cells"], self.show(two)["known_cells"]))

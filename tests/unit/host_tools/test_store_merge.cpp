@@ -119,6 +119,53 @@ TEST(origins_on_earth_are_brought_together) {
   assert_says(complaint({a, b}), "turned");
 }
 
+template <typename Check>
+std::string refusal(Check check) {
+  try {
+    check();
+  } catch (const HostError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(the_evidence_of_one_survey_counts_once) {
+  const MapSource a = slope_map("a", 20, 20, 0.0, 0.0, 0.1);
+  // A later copy of the same survey: a third of it was seen again since.
+  MapSource later = a;
+  later.origin = "later";
+  for (std::size_t k = 0; k < later.elevation.values.size(); k += 3) {
+    later.elevation.values[k] += 0.01;
+  }
+  MapSource other = slope_map("other", 20, 20, 0.0, 0.0, 0.1);
+  for (double& value : other.elevation.values) {
+    value += 0.02;
+  }
+  const auto check = [](const std::vector<MapSource>& maps) {
+    return refusal([&maps] { leadline::host::check_evidence(maps, align_maps(maps)); });
+  };
+  assert_says(check({a, a}), "a: 400 of the 400 cells");
+  assert_says(check({a, other, later}), "later: 266 of the 400 cells that it shares with a are");
+  assert_true(check({a, other}).empty());
+  // Beside each other, and too few in common to tell.
+  assert_true(check({a, slope_map("b", 20, 20, 9.5, 8.0, 0.1)}).empty());
+}
+
+TEST(depths_that_count_from_another_zero_are_refused) {
+  std::vector<MapSource> maps = {slope_map("a", 4, 4, 0.0, 0.0, 0.1),
+                                 slope_map("b", 4, 4, 0.0, 0.0, 0.1),
+                                 slope_map("c", 4, 4, 0.0, 0.0, 0.1)};
+  const auto check = [&maps] {
+    return refusal([&maps] { leadline::host::check_datums(maps, " (so it is)"); });
+  };
+  assert_true(check().empty());
+  maps[0].reference.vertical_datum = "LAT";
+  maps[2].reference.vertical_datum = "LAT";
+  assert_true(check().empty());  // b does not say
+  maps[2].reference.vertical_datum = "MSL";
+  assert_says(check(), "c: its depths count from \"MSL\", those of a from \"LAT\" (so it is)");
+}
+
 TEST(agreeing_surveys_weigh_by_their_variances) {
   MapSource b = slope_map("b", 10, 10, 0.0, 0.0, 0.2);
   for (double& value : b.elevation.values) {

@@ -41,6 +41,7 @@ Hello grid(std::uint64_t survey_id = 0xFFFF'FFFF'0000'0007U) {
   hello.session = 0xFFFF'FFFEU;
   hello.origin_mm[0] = -10'000;
   hello.origin_mm[2] = 20'000;
+  leadline::proto::name_survey(hello, "wreck", "sea surface", leadline::proto::kMaxHello_bytes);
   return hello;
 }
 
@@ -109,6 +110,10 @@ TEST(a_map_comes_back_as_it_was_saved) {
   assert_int_equal(found->hello.origin_mm[0], -10'000);
   assert_int_equal(found->known_cells, map.known_cells());
   assert_int_equal(found->tiles, map.known_tiles());
+  // What an export says of it: the vehicle's words.
+  const auto reference = leadline::host::load_map_source(path + "#1").reference;
+  assert_string_equal(reference.vertical_datum.value_or("").c_str(), "sea surface");
+  assert_string_equal(reference.survey_name.value_or("").c_str(), "wreck");
   assert_true(stored_hash(path + "#1") == map.cells_hash());
   // The same survey over another grid is another map.
   Hello moved = grid();
@@ -176,7 +181,9 @@ TEST(a_store_of_an_earlier_program_goes_on) {
   assert_int_equal(sqlite3_open(path.c_str(), &database), SQLITE_OK);
   assert_int_equal(
       sqlite3_exec(database,
-                   "ALTER TABLE tiles RENAME TO now; CREATE TABLE tiles (survey INTEGER NOT NULL "
+                   "ALTER TABLE surveys DROP COLUMN vertical_datum; ALTER TABLE surveys DROP "
+                   "COLUMN parts; ALTER TABLE tiles RENAME TO "
+                   "now; CREATE TABLE tiles (survey INTEGER NOT NULL "
                    "REFERENCES surveys (number), tile INTEGER NOT NULL, generation INTEGER NOT "
                    "NULL, hash32 INTEGER NOT NULL, known_cells INTEGER NOT NULL, crc32c INTEGER "
                    "NOT NULL, cells BLOB NOT NULL, disputed BLOB, PRIMARY KEY (survey, tile)) "
@@ -184,13 +191,18 @@ TEST(a_store_of_an_earlier_program_goes_on) {
                    nullptr, nullptr, nullptr),
       SQLITE_OK);
   sqlite3_close(database);
-  TileStore resumed(grid());
+  assert_int_equal(leadline::host::open_survey(path).survey.hello.vertical_datum.size_bytes, 0);
+  Hello named = grid();
+  leadline::proto::name_survey(named, "wreck", "LAT", leadline::proto::kMaxHello_bytes);
+  TileStore resumed(named);
   StoreKeeper keeper(path);
   assert_int_equal(keeper.begin(&resumed).tiles, map.known_tiles());
   assert_true(resumed.cells_hash() == map.cells_hash());
   change(&resumed, &random);
   assert_true(keeper.save(resumed));
   assert_true(stored_hash(path) == resumed.cells_hash());
+  assert_string_equal(leadline::host::load_map_source(path).reference.vertical_datum->c_str(),
+                      "LAT");
 }
 
 TEST(half_a_tile_does_not_replace_a_whole_one) {
