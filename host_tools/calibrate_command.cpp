@@ -12,10 +12,6 @@
 namespace leadline::host {
 namespace {
 
-bool is_csv(const std::string& path) {
-  return path.size() >= 4 && path.compare(path.size() - 4, 4, ".csv") == 0;
-}
-
 std::string fixed_text(double value, int digits) {
   std::string text;
   append_fixed(&text, value, digits);
@@ -50,7 +46,7 @@ struct Input {
 
 void read_input(const CalibrateOptions& options, Input* input) {
   const std::vector<std::string>& paths = options.survey.paths;
-  const auto csv_count = std::count_if(paths.begin(), paths.end(), is_csv);
+  const auto csv_count = std::count_if(paths.begin(), paths.end(), is_pings_path);
   if (csv_count == 0) {
     read_survey(options.survey, "calibrate", &input->survey);
     input->source = std::make_unique<RecordedSoundings>(input->survey.lines, input->survey.plane,
@@ -193,6 +189,10 @@ void print_json(const Calibration& result, const Alignment& given) {
 }
 
 }  // namespace
+
+bool is_pings_path(const std::string& path) {
+  return path.size() >= 4 && path.compare(path.size() - 4, 4, ".csv") == 0;
+}
 
 int run_calibrate(const CalibrateOptions& options) {
   Input input;

@@ -21,6 +21,9 @@ struct CalibrateOptions {
 /// A flipped sign is called right when it takes that share of the spread away, both with the best alignment.
 inline constexpr double kWrongCalibrationShare = 0.15;
 
+/// By its ending: pings (.csv), not a recording.
+[[nodiscard]] bool is_pings_path(const std::string& path);
+
 /// The command: prints each parameter with its sigma, or why it has none, and the options that say the
 /// result to `leadline survey`. Returns 0; kInput when no parameter can be observed. Throws HostError:
 /// kInput (files, too few soundings that overlap, no convergence, a sign turned round agrees better),

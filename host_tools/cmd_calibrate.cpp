@@ -5,6 +5,7 @@
 #include "host_tools/calibrate_command.hpp"
 #include "host_tools/commands.hpp"
 #include "host_tools/import/survey_arguments.hpp"
+#include "host_tools/options.hpp"
 
 namespace leadline::host {
 namespace {
@@ -14,7 +15,28 @@ struct Arguments {
   std::vector<std::string> fit;
 };
 
-int run(const Arguments& arguments, const SurveyArguments& survey) {
+/// Soundings of a pings file are placed already.
+constexpr const char* kOfRecordings[] = {"--lat",
+                                         "--lon",
+                                         "--lever-arm",
+                                         "--boresight",
+                                         "--draft",
+                                         "--vertical",
+                                         "--flip",
+                                         "--level",
+                                         "--heading-offset",
+                                         "--attitude-delay",
+                                         "--position-delay",
+                                         "--profile",
+                                         "--min-quality",
+                                         "--beam"};
+
+int run(const Arguments& arguments, const SurveyArguments& survey, const CLI::App& command) {
+  for (const char* const option : kOfRecordings) {
+    if (is_pings_path(survey.survey.paths.front()) && command.count(option) > 0) {
+      usage_error(std::string(option) + ": is for recordings; pings (.csv) are placed already");
+    }
+  }
   CalibrateOptions options = arguments.options;
   options.survey = resolved_survey(survey);
   if (!arguments.fit.empty()) {
@@ -72,8 +94,8 @@ void add_calibrate_command(CLI::App* app, CommandRun* run_later) {
       "  leadline calibrate north.xtf south.xtf\n"
       "  leadline calibrate line*.xtf --fit roll --fit pitch --lever-arm 0.75 1.5 0\n"
       "  leadline calibrate pings.csv --cell 2 --json");
-  command->callback([arguments, survey, run_later] {
-    *run_later = [arguments, survey] { return run(*arguments, *survey); };
+  command->callback([arguments, survey, command, run_later] {
+    *run_later = [arguments, survey, command] { return run(*arguments, *survey, *command); };
   });
 }
 

@@ -9,6 +9,7 @@
 #include "host_tools/commands.hpp"
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/model_file.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/render/render.hpp"
 #include "host_tools/text.hpp"
 
@@ -42,7 +43,17 @@ std::size_t choice(const char* option, const std::string& given,
                                         (near.empty() ? "" : "; did you mean \"" + near + "\"?"));
 }
 
-int run(const RenderArguments& arguments) {
+/// What only one picture has use for.
+struct ViewOption {
+  const char* option;
+  render::View view;
+};
+constexpr ViewOption kViewOptions[] = {
+    {"--reference", render::View::kDifference}, {"--mask", render::View::kDifference},
+    {"--axis", render::View::kSlice},           {"--at", render::View::kSlice},
+    {"--view-azimuth", render::View::kOblique}, {"--view-elevation", render::View::kOblique}};
+
+int run(const RenderArguments& arguments, const CLI::App& command) {
   render::RenderOptions options = arguments.options;
   options.picture.shaded_relief = !arguments.no_relief;
   if (!arguments.view_name.empty()) {
@@ -51,6 +62,11 @@ int run(const RenderArguments& arguments) {
       names.emplace_back(render::view_name(view));
     }
     options.view = kViews[choice("--view", arguments.view_name, names)];
+  }
+  for (const ViewOption& each : kViewOptions) {
+    if (options.view && *options.view != each.view && command.count(each.option) > 0) {
+      usage_error(std::string(each.option) + ": goes with --view " + render::view_name(each.view));
+    }
   }
   if (!arguments.axis_name.empty()) {
     options.slice_axis = static_cast<render::VoxelAxis>(
@@ -161,8 +177,9 @@ void add_render_command(CLI::App* app, CommandRun* run_later) {
       "  leadline render map --view depth --contours 5 --out depth.png\n"
       "  leadline render map --view slice --axis north --at 64 --out slice.png\n"
       "  leadline render map --view difference --reference truth.asc --out difference.png");
-  command->callback(
-      [arguments, run_later] { *run_later = [arguments] { return run(*arguments); }; });
+  command->callback([arguments, command, run_later] {
+    *run_later = [arguments, command] { return run(*arguments, *command); };
+  });
 }
 
 }  // namespace leadline::host

@@ -9,6 +9,7 @@
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/geotiff.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/render/render.hpp"
 
@@ -220,16 +221,14 @@ Raster depth_difference(const Raster& estimate, const Raster& truth, const Raste
 
 int run_compare(const CompareOptions& options) {
   for (const auto& [name, limit, highest] :
-       {std::tuple{"--max-rmse", options.max_rmse_m, HUGE_VAL},
-        std::tuple{"--max-rmse-cells", options.max_rmse_cells, HUGE_VAL},
-        std::tuple{"--max-bias", options.max_abs_bias_m, HUGE_VAL},
-        std::tuple{"--max-bias-cells", options.max_abs_bias_cells, HUGE_VAL},
-        std::tuple{"--max-p95", options.max_p95_m, HUGE_VAL},
+       {std::tuple{"--max-rmse", options.max_rmse_m, 1e6},
+        std::tuple{"--max-rmse-cells", options.max_rmse_cells, 1e6},
+        std::tuple{"--max-bias", options.max_abs_bias_m, 1e6},
+        std::tuple{"--max-bias-cells", options.max_abs_bias_cells, 1e6},
+        std::tuple{"--max-p95", options.max_p95_m, 1e6},
         std::tuple{"--min-coverage", options.min_coverage, 1.0}}) {
-    if (limit.has_value() && !(*limit >= 0.0 && *limit <= highest)) {
-      throw HostError(ExitCode::kUsage, std::string(name) + " " + std::to_string(*limit) +
-                                            ": expected a number from 0" +
-                                            (highest == 1.0 ? " to 1" : ""));
+    if (limit.has_value()) {
+      check_limits(name, *limit, {0, highest});
     }
   }
   const Raster estimate = read_raster(options.estimate_path);

@@ -167,7 +167,10 @@ struct TomlReader::Document {
 
 std::string Limits::text() const {
   // 1000000 reads better than 1e+06.
-  const auto plain = [](double value) { return std::to_string(static_cast<std::int64_t>(value)); };
+  const auto plain = [](double value) {
+    return std::trunc(value) == value ? std::to_string(static_cast<std::int64_t>(value))
+                                      : json_number(value);
+  };
   return std::string(low_excluded_ ? "over " : "") + plain(low_) +
          (high_excluded_ ? " to below " : " to ") + plain(high_);
 }

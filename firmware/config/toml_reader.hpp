@@ -20,8 +20,8 @@
 
 namespace leadline::host {
 
-/// Limits of one number. The lower one may be excluded ("over 0"), the upper one too. Every limit is
-/// a whole number; those of integer keys are below 2^53.
+/// Limits of one number, below 2^53. The lower one may be excluded ("over 0"), the upper one too. Those of integer keys
+/// are whole numbers.
 class Limits {
  public:
   Limits(double lowest, double highest, bool without_lowest = false, bool without_highest = false)

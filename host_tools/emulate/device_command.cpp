@@ -16,6 +16,7 @@
 #include "host_tools/decode/decoder.hpp"
 #include "host_tools/emulate/lone_devices.hpp"
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/stop_signals.hpp"
 #include "host_tools/text.hpp"
 
@@ -27,10 +28,6 @@ using firmware::Driver;
 // Bytes for a stream that its other end does not take; more are lost, as on a line without flow control.
 constexpr std::size_t kMostWaiting_bytes = 262'144;
 constexpr std::size_t kRead_bytes = 4096;
-
-[[noreturn]] void usage_error(const std::string& message) {
-  throw HostError(ExitCode::kUsage, "emulate: " + message);
-}
 
 base::TimeUs monotonic_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(
@@ -197,9 +194,7 @@ class DeviceLine {
 };
 
 std::uint32_t share_ppm(double share, const char* option) {
-  if (!(share >= 0.0 && share <= 1.0)) {
-    usage_error(std::string(option) + ": a share of the bytes, 0 to 1");
-  }
+  check_limits(option, share, {0, 1}, "a share of the bytes");
   return static_cast<std::uint32_t>(std::lround(share * 1e6));
 }
 
@@ -213,25 +208,14 @@ emu::FaultConfig faults_of(const EmulateDeviceOptions& options) {
 
 void check(const EmulateDeviceOptions& options) {
   const DeviceScene& scene = options.scene;
-  if (!(options.speed > 0.0 && options.speed <= 1e4)) {
-    usage_error("--speed: must be over 0, at most 10000");
-  }
-  if (!(options.seconds >= 0.0 && options.seconds <= 1e6)) {
-    usage_error("--seconds: must be 0 (no end) to 1000000");
-  }
-  if (!(scene.bottom_m >= 0.3 && scene.bottom_m <= 100.0)) {
-    usage_error("--bottom: must be 0.3 to 100 m below the device");
-  }
-  if (!(scene.depth_m >= 0.0 && scene.depth_m <= 11'000.0)) {
-    usage_error("--depth: must be 0 to 11000 m");
-  }
-  if (!(std::fabs(scene.attitude.roll_deg) <= 60.0 && std::fabs(scene.attitude.pitch_deg) <= 60.0 &&
-        std::fabs(scene.attitude.heading_deg) <= 360.0)) {
-    usage_error("--roll and --pitch: at most 60 degrees either way; --heading: 360");
-  }
-  if (!(scene.swing_deg >= 0.0 && scene.swing_deg <= 20.0)) {
-    usage_error("--swing: must be 0 to 20 degrees");
-  }
+  check_limits("--speed", options.speed, {0, 1e4, true});
+  check_limits("--seconds", options.seconds, {0, 1e6}, "0 = no end");
+  check_limits("--bottom", scene.bottom_m, {0.3, 100}, "metres below the device");
+  check_limits("--depth", scene.depth_m, {0, 11'000}, "metres");
+  check_limits("--roll", scene.attitude.roll_deg, {-60, 60}, "degrees");
+  check_limits("--pitch", scene.attitude.pitch_deg, {-60, 60}, "degrees");
+  check_limits("--heading", scene.attitude.heading_deg, {-360, 360}, "degrees");
+  check_limits("--swing", scene.swing_deg, {0, 20}, "degrees");
 }
 
 class DeviceRun {

@@ -21,6 +21,7 @@
 #include "host_tools/emulate/fleet.hpp"
 #include "host_tools/emulate/vehicle_config.hpp"
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/progress.hpp"
 #include "host_tools/stop_signals.hpp"
@@ -39,10 +40,6 @@ constexpr base::TimeUs kStep_us = 1'000;
 constexpr base::TimeUs kGrant_us = 20'000;
 // Pause of the loops that wait for the other end.
 constexpr int kPoll_ms = 20;
-
-[[noreturn]] void usage_error(const std::string& message) {
-  throw HostError(ExitCode::kUsage, "emulate: " + message);
-}
 
 base::TimeUs monotonic_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch())
@@ -335,6 +332,9 @@ class LockstepFlight {
 };
 
 void write_config(const EmulateOptions& options, const Mission& mission) {
+  if (const hal::UriResult link = hal::parse_uri(options.link_uri); !link.ok()) {
+    usage_error("--link: " + link.error);
+  }
   const Terrain ground = build_ground(mission);
   OutputDir out(options.write_config_dir);
   MissionLinks links;
@@ -387,12 +387,8 @@ void stage_truth(OutputDir* out, const Fleet& fleet) {
 
 int run_emulate(const EmulateOptions& options) {
   const double speed = options.speed.value_or(1.0);
-  if (!(speed > 0.0 && speed <= 1e4)) {
-    usage_error("--speed: must be over 0, at most 10000");
-  }
-  if (!(options.wait_s > 0.0 && options.wait_s <= 86400.0)) {
-    usage_error("--wait: must be over 0, at most 86400 seconds");
-  }
+  check_limits("--speed", speed, {0, 1e4, true});
+  check_limits("--wait", options.wait_s, {0, 86400, true}, "seconds");
   const Mission mission = resolve_mission(options.mission);
   if (!options.write_config_dir.empty()) {
     write_config(options, mission);

@@ -4,17 +4,13 @@
 #include <stdexcept>
 #include <utility>
 
-#include "host_tools/exit_codes.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/text.hpp"
 
 namespace leadline::host {
 namespace {
 
 using Settings = SettingTable<Mission>;
-
-[[noreturn]] void usage_error(const std::string& message) {
-  throw HostError(ExitCode::kUsage, "emulate: " + message);
-}
 
 void require(bool ok, const char* field, double value, const char* range) {
   if (!ok) {
@@ -233,7 +229,7 @@ void add_faults(Settings* settings) {
 
 const Settings& settings_table() {
   static const Settings kSettings = [] {
-    Settings settings("emulate");
+    Settings settings("--set");
     add_ground(&settings);
     add_motion(&settings);
     add_heads(&settings);

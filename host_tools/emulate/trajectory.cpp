@@ -6,6 +6,7 @@
 #include <string>
 
 #include "host_tools/sim/exact_math.hpp"
+#include "host_tools/sim/require.hpp"
 
 namespace leadline::host {
 namespace {
@@ -17,13 +18,6 @@ constexpr double kMaxDuration_s = 40'000.0;
 // The helmsman aims at the point of the line this far ahead.
 constexpr double kLookahead_m = 1.6;
 constexpr int kGroundSamplesPerSide = 6;
-
-void require(bool ok, const char* field, double value, const char* range) {
-  if (!ok) {
-    throw std::invalid_argument(std::string("emulate: ") + field + " must be " + range + ", got " +
-                                std::to_string(value));
-  }
-}
 
 void check(const MotionPlan& plan) {
   require(plan.north_m > plan.south_m, "north_m", plan.north_m, "over south_m");

@@ -12,6 +12,7 @@
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/import/recorded_devices.hpp"
 #include "host_tools/import/survey_command.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/output_dir.hpp"
 #include "host_tools/progress.hpp"
 #include "host_tools/text.hpp"
@@ -22,10 +23,6 @@ namespace {
 
 // Longer than any survey: then two recordings count from different beginnings.
 constexpr base::TimeUs kLongest_us = base::TimeUs{31} * 86'400'000'000;
-
-[[noreturn]] void usage_error(const std::string& message) {
-  throw HostError(ExitCode::kUsage, "import: " + message);
-}
 
 /// "N=text" for a port 0 .. count - 1.
 std::pair<std::size_t, std::string> port_and_text(const char* option, const std::string& given,
@@ -167,9 +164,9 @@ int run_import(const ImportOptions& options) {
   if (options.lat_deg.has_value() != options.lon_deg.has_value()) {
     usage_error("--lat and --lon go together");
   }
-  if ((options.lat_deg && !(std::fabs(*options.lat_deg) <= 85.0)) ||
-      (options.lon_deg && !(std::fabs(*options.lon_deg) <= 180.0))) {
-    usage_error("--lat must be -85 .. 85, --lon -180 .. 180");
+  if (options.lat_deg) {
+    check_limits("--lat", *options.lat_deg, {-85, 85}, "degrees");
+    check_limits("--lon", *options.lon_deg, {-180, 180}, "degrees");
   }
   if (options.soundings.empty() == options.records.empty()) {
     usage_error("give recordings (--record N=FILE) or files of soundings (.sum, .xtf)");
@@ -181,7 +178,7 @@ int run_import(const ImportOptions& options) {
     usage_error("--config is missing: the vehicle that hears the recordings");
   }
   if (options.bytes_per_s < 1) {
-    usage_error("--byte-rate must be at least 1");
+    usage_error("--byte-rate " + std::to_string(options.bytes_per_s) + ": has to be at least 1");
   }
   return import_log(options);
 }

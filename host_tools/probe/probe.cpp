@@ -14,6 +14,7 @@
 #include "host_tools/decode/decoder.hpp"
 #include "host_tools/decode/record_json.hpp"
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/stop_signals.hpp"
 #include "host_tools/text.hpp"
 
@@ -39,10 +40,6 @@ struct Question {
   std::int32_t variant_plus_1;
   std::string name;  ///< for people
 };
-
-[[noreturn]] void usage_error(const std::string& message) {
-  throw HostError(ExitCode::kUsage, "probe: " + message);
-}
 
 /// Where its device's protocol is the only one, or none.
 bool may_be_at(Driver driver, hal::UriScheme scheme, bool chosen) {
@@ -316,12 +313,8 @@ std::string advice(const ProbeOptions& options, const Probe& probe) {
 }  // namespace
 
 int run_probe(const ProbeOptions& options) {
-  if (!(options.seconds >= 0.0 && options.seconds <= 1e6)) {
-    usage_error("--seconds: must be 0 (no end) to 1000000");
-  }
-  if (!(options.max_range_m >= 1.0 && options.max_range_m <= 300.0)) {
-    usage_error("--max-range: must be 1 to 300 m");
-  }
+  check_limits("--seconds", options.seconds, {0, 1e6}, "0 = no end");
+  check_limits("--max-range", options.max_range_m, {1, 300}, "metres");
   const StopSignals signals;
   const auto probe = std::make_unique<Probe>(options);
   probe->run();

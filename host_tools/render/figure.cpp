@@ -4,22 +4,10 @@
 #include <cmath>
 #include <cstdio>
 
-#include "host_tools/exit_codes.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/render/surface.hpp"
 
 namespace leadline::host::render {
-namespace {
-
-void check_range(const char* name, double value, double low, double high) {
-  if (!(value >= low && value <= high)) {
-    char text[160];
-    std::snprintf(text, sizeof text, "%s %g: expected %g to %g", name, value, low, high);
-    throw HostError(ExitCode::kUsage, text);
-  }
-}
-
-}  // namespace
-
 Layout lay_out(int page_width_px, double map_width, double map_height) {
   Layout layout;
   layout.width_px = page_width_px;
@@ -54,29 +42,29 @@ Layout lay_out(int page_width_px, double map_width, double map_height) {
 }
 
 void check_options(const PictureOptions& options) {
-  check_range("--width", options.width_px, 320, 8000);
+  check_limits("--width", options.width_px, {320, 8000});
   if (options.sun_azimuth_deg.has_value()) {
-    check_range("--sun-azimuth", *options.sun_azimuth_deg, -360, 360);
+    check_limits("--sun-azimuth", *options.sun_azimuth_deg, {-360, 360});
   }
-  check_range("--median", options.median_radius_cells, 0, 10);
-  check_range("--dilate", options.dilation_passes, 0, 100);
-  check_range("--view-azimuth", options.view_azimuth_deg, -360, 360);
-  check_range("--view-elevation", options.view_elevation_deg, 10, 80);
+  check_limits("--median", options.median_radius_cells, {0, 10});
+  check_limits("--dilate", options.dilation_passes, {0, 100});
+  check_limits("--view-azimuth", options.view_azimuth_deg, {-360, 360});
+  check_limits("--view-elevation", options.view_elevation_deg, {10, 80});
   if (options.exaggeration.has_value()) {
-    check_range("--exaggeration", *options.exaggeration, 0.01, 1000);
+    check_limits("--exaggeration", *options.exaggeration, {0.01, 1000});
   }
   if (options.contour_interval_m.has_value()) {
-    check_range("--contours", *options.contour_interval_m, 0, 1e6);
+    check_limits("--contours", *options.contour_interval_m, {0, 1e6});
   }
   for (const auto& [name, value] :
        {std::pair{"--low", options.low_m}, std::pair{"--high", options.high_m}}) {
     if (value.has_value()) {
-      check_range(name, *value, -1e6, 1e6);
+      check_limits(name, *value, {-1e6, 1e6});
     }
   }
   if (options.low_m.has_value() && options.high_m.has_value() &&
       !(*options.low_m < *options.high_m)) {
-    throw HostError(ExitCode::kUsage, "--low must be under --high");
+    usage_error("--low has to be under --high");
   }
 }
 

@@ -6,16 +6,10 @@
 #include <string>
 
 #include "host_tools/sim/exact_math.hpp"
+#include "host_tools/sim/require.hpp"
 
 namespace leadline::host {
 namespace {
-
-void require(bool ok, const char* field, double value, const char* range) {
-  if (!ok) {
-    throw std::invalid_argument(std::string("echo: ") + field + " must be " + range + ", got " +
-                                std::to_string(value));
-  }
-}
 
 double golden_angle_rad() { return exact::kPi * (3.0 - std::sqrt(5.0)); }
 

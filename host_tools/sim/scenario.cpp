@@ -4,15 +4,12 @@
 #include <stdexcept>
 
 #include "host_tools/exit_codes.hpp"
+#include "host_tools/options.hpp"
 #include "host_tools/progress.hpp"
 #include "host_tools/text.hpp"
 
 namespace leadline::host {
 namespace {
-
-[[noreturn]] void usage_error(const std::string& message) {
-  throw HostError(ExitCode::kUsage, message);
-}
 
 using Settings = SettingTable<Scenario>;
 
@@ -38,7 +35,7 @@ void add_swing(Settings* settings, const std::string& name, Field field) {
 }
 
 Settings make_settings() {
-  Settings settings("simulate");
+  Settings settings("--set");
   using S = Scenario;
 
   settings.count(

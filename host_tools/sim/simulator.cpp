@@ -10,6 +10,7 @@
 #include "host_tools/raster.hpp"
 #include "host_tools/sim/exact_math.hpp"
 #include "host_tools/sim/random.hpp"
+#include "host_tools/sim/require.hpp"
 #include "host_tools/text.hpp"
 
 namespace leadline::host {
@@ -28,13 +29,6 @@ enum Stream : std::uint64_t {
 
 // A lost echo still has an entry; a detector never reports zero or less.
 constexpr double kLeastRange_m = 1e-4;
-
-void require(bool ok, const std::string& field, double value, const char* range) {
-  if (!ok) {
-    throw std::invalid_argument("simulate: " + field + " must be " + range + ", got " +
-                                std::to_string(value));
-  }
-}
 
 void check_fraction(const char* field, double value) {
   require(value >= 0.0 && value <= 1.0, field, value, "0 .. 1");

@@ -10,16 +10,10 @@
 #include "host_tools/geotiff.hpp"
 #include "host_tools/sim/exact_math.hpp"
 #include "host_tools/sim/random.hpp"
+#include "host_tools/sim/require.hpp"
 
 namespace leadline::host {
 namespace {
-
-void require(bool ok, const std::string& field, double value, const char* range) {
-  if (!ok) {
-    throw std::invalid_argument("terrain: " + field + " must be " + range + ", got " +
-                                std::to_string(value));
-  }
-}
 
 // Depths are kept to 1/1024 m: finer than any grid shows, and coarse enough that no rounding of the
 // last bit survives.
