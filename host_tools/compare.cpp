@@ -221,11 +221,11 @@ Raster depth_difference(const Raster& estimate, const Raster& truth, const Raste
 
 int run_compare(const CompareOptions& options) {
   for (const auto& [name, limit, highest] :
-       {std::tuple{"--max-rmse", options.max_rmse_m, 1e6},
-        std::tuple{"--max-rmse-cells", options.max_rmse_cells, 1e6},
-        std::tuple{"--max-bias", options.max_abs_bias_m, 1e6},
-        std::tuple{"--max-bias-cells", options.max_abs_bias_cells, 1e6},
-        std::tuple{"--max-p95", options.max_p95_m, 1e6},
+       {std::tuple{"--max-rmse", options.max_rmse_m, 1e9},
+        std::tuple{"--max-rmse-cells", options.max_rmse_cells, 1e9},
+        std::tuple{"--max-bias", options.max_abs_bias_m, 1e9},
+        std::tuple{"--max-bias-cells", options.max_abs_bias_cells, 1e9},
+        std::tuple{"--max-p95", options.max_p95_m, 1e9},
         std::tuple{"--min-coverage", options.min_coverage, 1.0}}) {
     if (limit.has_value()) {
       check_limits(name, *limit, {0, highest});

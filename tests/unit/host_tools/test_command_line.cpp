@@ -116,7 +116,7 @@ TEST(no_option_of_any_command_takes_nothing_or_what_is_no_number) {
 
 TEST(numbers_outside_their_limits_are_named_with_them) {
   const std::vector<std::pair<Words, const char*>> cases = {
-      {{"compare", "a", "b", "--max-rmse", "-1"}, "--max-rmse -1: has to be 0 to 1000000"},
+      {{"compare", "a", "b", "--max-rmse", "-1"}, "--max-rmse -1: has to be 0 to 1000000000"},
       {{"compare", "a", "b", "--min-coverage", "1e300"}, "--min-coverage 1e+300: has to be 0 to 1"},
       {{"compare", "a", "b", "--max-p95", "much"}, "--max-p95"},
       {{"probe", "file:x", "--max-range", "301"}, "--max-range 301: has to be 1 to 300, metres"},
