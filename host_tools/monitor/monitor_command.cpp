@@ -17,13 +17,13 @@
 #include "host_tools/monitor/track.hpp"
 #include "host_tools/monitor/web_access.hpp"
 #include "host_tools/monitor/web_server.hpp"
-#include "host_tools/output_dir.hpp"
 #include "host_tools/stop_signals.hpp"
 #include "host_tools/store/live_store.hpp"
 #include "host_tools/store/survey_store.hpp"
 #include "host_tools/text.hpp"
 #include "host_tools/topside/link_reader.hpp"
 #include "host_tools/topside/live_line.hpp"
+#include "host_tools/topside/live_output.hpp"
 #include "host_tools/topside/receive_command.hpp"
 #include "host_tools/topside/receiver.hpp"
 
@@ -100,10 +100,7 @@ class Monitor {
         store_.emplace(options.store_path, [this](const std::string& text) { say(text); });
       }
     }
-    if (!options.out_dir.empty()) {
-      // Now, not when the dive is over.
-      const OutputDir probe(options.out_dir);
-    }
+    output_.emplace(options.out_dir, [this](const std::string& text) { say(text); });
     begin_receiver();
     server_.emplace(address,
                     WebServer::Handlers{[this] { return content(); },
@@ -126,7 +123,8 @@ class Monitor {
     if (store_ && receiver_->store() != nullptr) {
       store_->keep(*receiver_->store());
     }
-    write(options_.out_dir);
+    write();
+    output_->require_whole();
     if (store_) {
       store_->require_whole();
     }
@@ -157,8 +155,8 @@ class Monitor {
       if (store_) {
         store_->end(ended);
       }
-      if (!options_.out_dir.empty() && ended.known_cells() > 0 && !player_) {
-        write_received_map(earlier_map_dir(options_.out_dir, ended.hello()), ended, summary());
+      if (!player_) {
+        output_->write_ended(ended, summary());
       }
       begin_map();
     };
@@ -190,7 +188,7 @@ class Monitor {
       state_json_ = state_.json(*receiver_, surroundings(now), clock_s(now));
     }
     if (StopSignals::take_wish()) {
-      write(options_.out_dir);
+      write();
     }
     if (now - shown_s_ >= kShowEvery_s) {
       shown_s_ = now;
@@ -320,9 +318,9 @@ class Monitor {
     return receive_summary_json(*receiver_, receiver_->vehicle_cells_hash(), now_s() - begin_s_);
   }
 
-  void write(const std::string& directory) const {
-    if (!directory.empty() && receiver_->store() != nullptr) {
-      write_received_map(directory, *receiver_->store(), summary());
+  void write() {
+    if (receiver_->store() != nullptr) {
+      output_->write(*receiver_->store(), summary());
     }
   }
 
@@ -332,6 +330,7 @@ class Monitor {
   std::string stored_path_;
   std::optional<LinkReader> link_;
   std::optional<LiveStore> store_;
+  std::optional<LiveOutput> output_;
   std::unique_ptr<Receiver> receiver_;
   const std::string palettes_ = palettes_json();
   LiveMap map_;

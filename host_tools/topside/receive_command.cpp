@@ -7,14 +7,13 @@
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/export/map_source.hpp"
-#include "host_tools/map_output.hpp"
-#include "host_tools/output_dir.hpp"
 #include "host_tools/stop_signals.hpp"
 #include "host_tools/store/live_store.hpp"
 #include "host_tools/text.hpp"
 #include "host_tools/topside/flight_log.hpp"
 #include "host_tools/topside/link_reader.hpp"
 #include "host_tools/topside/live_line.hpp"
+#include "host_tools/topside/live_output.hpp"
 
 namespace leadline::host {
 namespace {
@@ -38,11 +37,10 @@ std::string fixed_text(double value, int digits) {
 class Session {
  public:
   explicit Session(const ReceiveOptions& options)
-      : options_(options), receiver_(options.survey_id), link_(options.link_uri, "receive") {
-    if (!options.out_dir.empty()) {
-      // Now, not when the dive is over.
-      const OutputDir probe(options.out_dir);
-    }
+      : options_(options),
+        receiver_(options.survey_id),
+        link_(options.link_uri, "receive"),
+        output_(options.out_dir, [this](const std::string& text) { say(text); }) {
     if (link_.local_port() != 0) {
       std::cerr << "receive: listening at port " << link_.local_port() << "\n";
     }
@@ -61,9 +59,7 @@ class Session {
       if (store_) {
         store_->end(ended);
       }
-      if (!options_.out_dir.empty() && ended.known_cells() > 0) {
-        write_received_map(earlier_map_dir(options_.out_dir, ended.hello()), ended, summary());
-      }
+      output_.write_ended(ended, summary());
     };
   }
 
@@ -164,10 +160,9 @@ class Session {
   }
 
   void write() {
-    if (options_.out_dir.empty() || receiver_.store() == nullptr) {
-      return;
+    if (receiver_.store() != nullptr) {
+      output_.write(*receiver_.store(), summary());
     }
-    write_received_map(options_.out_dir, *receiver_.store(), summary());
   }
 
   [[nodiscard]] std::string summary() const {
@@ -221,6 +216,7 @@ class Session {
                 << hex_text(store->cells_hash(), 16) << ", the vehicle has "
                 << hex_text(*vehicle_cells_hash_, 16) << "\n";
     }
+    output_.require_whole();
     if (store_) {
       store_->require_whole();
     }
@@ -256,6 +252,7 @@ class Session {
   Receiver receiver_;
   std::optional<LiveStore> store_;
   LinkReader link_;
+  LiveOutput output_;
   double silence_s_ = kSilence_s;
   bool said_silent_ = false;
   LiveLine line_;
@@ -287,19 +284,6 @@ std::string frame_json(const proto::Hello& hello) {
 }
 
 }  // namespace
-
-void write_received_map(const std::string& directory, const TileStore& store,
-                        const std::string& summary) {
-  OutputDir output(directory);
-  stage_map(&output, store.elevation(), store.sigma(), hello_reference(store.hello()));
-  output.write("receive.json", summary);
-  output.commit();
-}
-
-std::string earlier_map_dir(const std::string& directory, const proto::Hello& hello) {
-  return directory + "/survey-" + std::to_string(hello.survey_id) + "-session-" +
-         std::to_string(hello.session);
-}
 
 std::string receive_summary_json(const Receiver& receiver,
                                  const std::optional<std::uint64_t>& vehicle_cells_hash,

@@ -29,18 +29,10 @@ struct ReceiveOptions {
     const Receiver& receiver, const std::optional<std::uint64_t>& vehicle_cells_hash,
     double seconds);
 
-/// The map as `receive` leaves it: depth.asc, sigma.asc, depth.tif, depth.png, and `summary` as receive.json.
-/// Throws HostError kOutput.
-void write_received_map(const std::string& directory, const TileStore& store,
-                        const std::string& summary);
-
-/// Folder in `directory` for the map of a survey that another one replaced.
-[[nodiscard]] std::string earlier_map_dir(const std::string& directory, const proto::Hello& hello);
-
 /// The command: until SIGINT, SIGTERM, the end of a file, or --idle. Returns 0; 5 when a log was given and
 /// the map is not the vehicle's. Throws HostError: kUsage (the URI), kInput (another major version;
-/// nothing came that makes a map; the store is none), kOutput (also when the store lacks something at the
-/// end; everything else is written then).
+/// nothing came that makes a map; the store is none), kOutput (at once when nothing can be written at `out_dir`; at the
+/// end when the store or the folder lacks something that came: everything else is written then).
 int run_receive(const ReceiveOptions& options);
 
 }  // namespace leadline::host

@@ -275,6 +275,81 @@ class Receive(Chain):
         process.communicate(timeout=PATIENCE_S)
         self.assertEqual(process.returncode, INPUT)
 
+    def test_a_monitor_tells_both_and_waits_for_a_vehicle_of_its_own_major(self):
+        errors = open(self.dir / "monitor.err", "w+")
+        self.addCleanup(errors.close)
+        process = subprocess.Popen([LEADLINE, "monitor", "--link", "udp:@127.0.0.1:0", "--http", "127.0.0.1:0", "--out",
+                                    str(self.out)], stdout=subprocess.DEVNULL, stderr=errors, text=True)
+        self.addCleanup(process.kill)
+        said = (self.dir / "monitor.err").read_text
+        wait_for(lambda: "the page is at" in said(), "the monitor")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+            link.connect(("127.0.0.1", int(said().split("listening at port ")[1].split()[0])))
+            link.settimeout(PATIENCE_S)
+            link.send(frame(bytes([1, 2]) + bytes(150)))
+            self.assertEqual(link.recv(100), frame(b"\x41\x01\x01"))
+            wait_for(lambda: "error: receive: the vehicle speaks version 2" in said(), "the reason")
+            self.assertIsNone(process.poll())
+            for part in self.downlink():
+                link.send(part)
+            wait_for(lambda: "cells of 250 mm" in said(), "the other vehicle")
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.wait(timeout=PATIENCE_S), OK, said())
+        self.assertTrue((self.out / "depth.asc").exists())
+
+    def test_a_command_to_a_vehicle_of_another_major(self):
+        key = self.dir / "command.key"
+        self.expect(self.run_leadline("key", "new", key, "--vehicle", 1), OK)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+            vehicle.bind(("127.0.0.1", 0))
+            vehicle.settimeout(PATIENCE_S)
+            process = subprocess.Popen([LEADLINE, "command", "--link", f"udp:127.0.0.1:{vehicle.getsockname()[1]}", "--key",
+                                        str(key), "stop"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            self.addCleanup(process.kill)
+            order, sender = vehicle.recvfrom(1000)
+            self.assertEqual(order[2], 0x45)
+            vehicle.sendto(frame(bytes([1, 2]) + bytes(150)), sender)
+            while (word := vehicle.recv(1000)) == order:
+                pass  # said again meanwhile
+            self.assertEqual(word, frame(b"\x41\x01\x01"))
+            out, err = process.communicate(timeout=PATIENCE_S)
+        self.assertEqual((process.returncode, out), (INPUT, ""), err)
+        self.assertIn("version 2", err)
+        self.assertIn("use the leadline that belongs to the vehicle", err)
+
+    # The first map's folder cannot be made; the second comes, is written, and the exit code tells.
+    def test_a_map_that_ended_and_cannot_be_written_does_not_end_the_next(self):
+        frames = self.downlink()
+        hello = next(part for part in frames if part[2] == 1)
+        payload = bytearray(uncobs(hello[1:-1])[:-4])
+        payload[16] = 2  # its session
+        self.out.mkdir()
+        (self.out / "survey-1-session-0").write_text("in the way")
+        done = self.receive(b"".join(frames) + frame(bytes(payload)))
+        self.expect(done, OUTPUT, "the map that ended is not written", "survey-1-session-0", "a new map begins")
+        self.assertEqual(json.loads(done.stdout)["session"], 2)
+        self.assertTrue((self.out / "depth.asc").exists())
+
+    def test_a_map_that_cannot_be_written_for_a_while(self):
+        process, link = self.start("--every", "0.1")
+        said = (self.dir / "receive.err").read_text
+        for part in self.downlink():
+            link.send(part)
+        wait_for(lambda: (self.out / "receive.json").exists(), "the first map")
+        self.out.rename(self.dir / "aside")
+        self.out.write_text("in the way")
+        wait_for(lambda: "error: the map is not written" in said(), "the error")
+        self.out.unlink()
+        wait_for(lambda: "the map is written again" in said(), "the map")
+        self.assertEqual(said().count("error: the map is not written"), 1)
+        self.out.rename(self.dir / "aside2")
+        self.out.write_text("in the way")
+        wait_for(lambda: said().count("error: the map is not written") == 2, "the error again")
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=PATIENCE_S)
+        self.assertEqual(process.returncode, OUTPUT, said())
+        self.assertGreater(json.loads(output)["known_cells"], 1000)
+
     def test_nothing_of_a_vehicle(self):
         self.expect(self.receive(b""), INPUT, "no map came")
         self.expect(self.receive(bytes(range(256)) * 50), INPUT, "no hello")
