@@ -8,7 +8,8 @@
 //   one zstd  the int16 bytes of everything that was sent in one zstd -19 frame: no packets, no framing
 // "whole": every known cell of the final map. "live N": the survey in N equal parts, each part's changes sent
 // when it is over. Surveys of LEADLINE_DATA are left out where it is absent. Then where the bytes of a packet
-// go, and Google Benchmark's times.
+// go, how long the frames of the demo's flight are by message, and Google Benchmark's times.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -17,14 +18,19 @@
 #include <exception>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <string>
 #include <vector>
 
 #include <benchmark/benchmark.h>
 #include <zstd.h>
 
+#include "firmware/config/vehicle_file.hpp"
+#include "host_tools/emulate/simulate_flight.hpp"
 #include "host_tools/raster.hpp"
+#include "host_tools/topside/host_vehicle.hpp"
 #include "proto/framing.hpp"
+#include "proto/messages.hpp"
 #include "proto/tile_coder.hpp"
 #include "proto/tile_walk.hpp"
 #include "tests/tools/link_survey.hpp"
@@ -374,6 +380,67 @@ void print_packet(const CodedMap& map) {
       cost.bits[0], cost.bits[1], cost.bits[2], cost.bits[3], cost.bits[4], cost.bits[5]);
 }
 
+/// Frames of the demo's flight, as `leadline simulate` flies it, by message.
+void print_messages() {
+  const leadline::host::Mission mission = leadline::host::resolve_mission({});
+  leadline::host::Fleet fleet(mission);
+  leadline::host::MissionLinks links;
+  for (const std::string& name : fleet_ports(mission)) {
+    links.port_uris.push_back("serial:" + name + ":115200");
+  }
+  links.link_uri = "udp:127.0.0.1:9100";
+  const auto file = leadline::host::parse_vehicle_file(
+      mission_vehicle_toml(mission, fleet.ground(), links), "vehicle.toml", "");
+  const auto tables = leadline::host::table_bytes(mission_tables(mission));
+  const leadline::host::HostVehicle vehicle(file.config, tables, "vehicle.toml");
+  struct Kind {
+    std::size_t count = 0;
+    std::size_t bytes = 0;
+    std::size_t longest_bytes = 0;
+  };
+  std::map<std::uint8_t, Kind> kinds;
+  std::size_t sum_bytes = 0;
+  FrameDecoderBuffer<> buffer;
+  leadline::host::FlightSinks sinks;
+  sinks.log = [](const std::uint8_t*, std::size_t) {};
+  sinks.downlink = [&](const std::uint8_t* data, std::size_t size_bytes) {
+    while (size_bytes > 0) {
+      std::size_t used = 0;
+      FrameView view{};
+      if (buffer.decoder().feed(data, size_bytes, used, view)) {
+        const std::size_t frame_bytes = framed({view.payload, view.payload + view.payload_bytes});
+        Kind& kind = kinds[view.payload[0]];
+        kind.count += 1;
+        kind.bytes += frame_bytes;
+        kind.longest_bytes = std::max(kind.longest_bytes, frame_bytes);
+        sum_bytes += frame_bytes;
+      }
+      data += used;
+      size_bytes -= used;
+    }
+  };
+  static_cast<void>(fly_in_process(&fleet, &*vehicle, tables, file.cycle_us, sinks, nullptr));
+  std::printf(
+      "the demo's flight, %zu bytes:\n| message | frames | bytes a frame: mean | longest | of all "
+      "|\n",
+      sum_bytes);
+  const std::map<leadline::proto::MessageType, const char*> names = {
+      {leadline::proto::MessageType::kHello, "hello"},
+      {leadline::proto::MessageType::kTileDelta, "tile delta"},
+      {leadline::proto::MessageType::kStatus, "full status"},
+      {leadline::proto::MessageType::kText, "text"},
+      {leadline::proto::MessageType::kBrief, "brief"}};
+  for (const auto& [type, kind] : kinds) {
+    const auto name = names.find(static_cast<leadline::proto::MessageType>(type));
+    std::printf("| %-11s | %6zu | %6.1f | %5zu | %4.1f %% |\n",
+                name == names.end() ? "other" : name->second, kind.count,
+                static_cast<double>(kind.bytes) / static_cast<double>(kind.count),
+                kind.longest_bytes,
+                100.0 * static_cast<double>(kind.bytes) / static_cast<double>(sum_bytes));
+  }
+  std::printf("\n");
+}
+
 std::string text_of(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
@@ -413,6 +480,7 @@ void print_tables() {
     }
   }
   print_packet(demo);
+  print_messages();
 }
 
 // --- Times
