@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <functional>
 #include <string>
 #include <vector>
@@ -538,6 +539,166 @@ TEST(a_survey_that_was_not_asked_for_is_passed_over) {
   Speaker foreign(grid_hello(11, 1));
   feed(&receiver, foreign.change(0, &random));
   assert_int_equal(receiver.counters().other_surveys, 1);
+}
+
+// Of a vehicle of minor 1, which takes reports and digest requests.
+
+Hello reporting_hello(std::uint32_t session = 1) {
+  Hello hello = grid_hello(11, session);
+  hello.protocol_minor = leadline::proto::kProtocolMinor;
+  hello.link_rate_bytes_s = 11'520;
+  return hello;
+}
+
+/// Payloads that go up now.
+std::vector<Bytes> sent_up(Receiver* receiver, std::int64_t now_us) {
+  std::vector<Bytes> payloads;
+  leadline::proto::FrameDecoderBuffer<> buffer;
+  for (Bytes up = receiver->uplink(now_us); !up.empty(); up = receiver->uplink(now_us)) {
+    leadline::proto::FrameView view{};
+    std::size_t used = 0;
+    assert_true(buffer.decoder().feed(up.data(), up.size(), used, view));
+    payloads.emplace_back(view.payload, view.payload + view.payload_bytes);
+  }
+  return payloads;
+}
+
+/// The tiles of the requests among them.
+std::vector<std::uint32_t> tiles_asked_for(const std::vector<Bytes>& payloads) {
+  std::vector<std::uint32_t> tiles;
+  for (const Bytes& payload : payloads) {
+    const auto request = leadline::proto::decode_resend_request(payload.data(), payload.size());
+    for (int i = 0; request.ok() && i < request.value().range_count; ++i) {
+      for (std::uint32_t k = 0; k < request.value().ranges[i].count; ++k) {
+        tiles.push_back(request.value().ranges[i].first + k);
+      }
+    }
+  }
+  return tiles;
+}
+
+Bytes digest_frame(const leadline::proto::Digest& digest) {
+  std::uint8_t payload[leadline::proto::kMaxDigest_bytes];
+  return frame(payload, encode_digest(digest, payload, sizeof payload).value());
+}
+
+/// Hashes of single tiles from `first` on, or one over all.
+leadline::proto::Digest digest_of(const Receiver& receiver, std::uint32_t first, int count) {
+  leadline::proto::Digest digest{};
+  digest.survey_tag = receiver.store()->tag();
+  digest.first = first;
+  digest.hash_count = static_cast<std::uint8_t>(count);
+  if (count == 0) {
+    digest.tiles_log2 = leadline::proto::kMaxDigestLog2;
+    digest.hash_count = 1;
+    std::uint64_t hash = leadline::proto::kFnvOffset;
+    for (std::uint32_t tile = 0; tile < 16; ++tile) {
+      hash = leadline::proto::add_digest_tile(hash, receiver.store()->hash32(tile));
+    }
+    digest.hashes[0] = leadline::proto::fold_hash(hash);
+  }
+  for (std::uint32_t k = 0; k < static_cast<std::uint32_t>(count); ++k) {
+    digest.hashes[k] = receiver.store()->hash32(first + k);
+  }
+  return digest;
+}
+
+// Who comes when all has been told and the vehicle rests: nothing is on its way, so it asks at once for all that never
+// came, and again where none of it comes.
+TEST(tiles_that_the_vehicle_knows_and_does_not_owe_are_asked_for) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(reporting_hello());
+  feed(&receiver, hello_frame(reporting_hello()));
+  feed(&receiver, vehicle.change(5, &random));
+  feed(&receiver, status_frame(3, 2, 500));  // two are on their way
+  std::int64_t now_us = 1'000'000;
+  assert_true(tiles_asked_for(sent_up(&receiver, now_us)).empty());
+  feed(&receiver, status_frame(3, 0, 500));
+  now_us += 5'000;
+  const auto asked = tiles_asked_for(sent_up(&receiver, now_us));
+  assert_int_equal(asked.size(), 15);
+  assert_true(std::find(asked.begin(), asked.end(), 5U) == asked.end());
+  std::vector<std::int64_t> again_us;
+  const std::int64_t begin_us = now_us;
+  while (now_us < begin_us + 20'000'000) {
+    now_us += 5'000;
+    if (!tiles_asked_for(sent_up(&receiver, now_us)).empty()) {
+      again_us.push_back(now_us - begin_us);
+    }
+  }
+  assert_int_equal(again_us.size(), 3);  // after 2 s, 4 s more, 8 s more
+  assert_in_range(again_us[0], 2'000'000, 2'500'000);
+  assert_in_range(again_us[2], 14'000'000, 16'000'000);
+  // What the vehicle knows is there: no more questions.
+  (void)vehicle.change(2, &random);
+  (void)vehicle.change(3, &random);
+  feed(&receiver, vehicle.repeat(2));
+  feed(&receiver, vehicle.repeat(3));
+  for (int k = 0; k < 4000; ++k) {
+    now_us += 5'000;
+    assert_true(tiles_asked_for(sent_up(&receiver, now_us)).empty());
+  }
+}
+
+// Of the session before nothing is wanted any more, and its agreement is none of the new one's.
+TEST(a_new_session_forgets_what_the_last_one_wanted) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(reporting_hello());
+  feed(&receiver, hello_frame(reporting_hello()));
+  feed(&receiver, vehicle.change(5, &random));
+  assert_false(receiver.agreed());
+  feed(&receiver, digest_frame(digest_of(receiver, 0, 0)));
+  assert_true(receiver.agreed());
+  leadline::proto::Digest digest = digest_of(receiver, 3, 4);
+  digest.hashes[2] ^= 1U;  // of tile 5
+  feed(&receiver, digest_frame(digest));
+  receiver.look(7, 2);
+  feed(&receiver, hello_frame(reporting_hello(2)));
+  assert_false(receiver.agreed());
+  for (std::int64_t now_us = 1'000'000; now_us < 8'000'000; now_us += 5'000) {
+    for (const Bytes& payload : sent_up(&receiver, now_us)) {
+      assert_true(payload[0] == static_cast<std::uint8_t>(leadline::proto::MessageType::kReport));
+    }
+  }
+}
+
+// One hash differs: that tile is asked for, alone, and once for each time that it is said.
+TEST(a_tile_whose_hash_differs_is_asked_for) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(reporting_hello());
+  feed(&receiver, hello_frame(reporting_hello()));
+  feed(&receiver, vehicle.change(5, &random));
+  leadline::proto::Digest digest = digest_of(receiver, 3, 4);
+  feed(&receiver, digest_frame(digest));
+  assert_true(tiles_asked_for(sent_up(&receiver, 1'000'000)).empty());
+  digest.hashes[2] ^= 1U;
+  feed(&receiver, digest_frame(digest));
+  const auto asked = tiles_asked_for(sent_up(&receiver, 1'010'000));
+  assert_int_equal(asked.size(), 1);
+  assert_int_equal(asked[0], 5);
+  assert_true(tiles_asked_for(sent_up(&receiver, 1'020'000)).empty());
+  // A word over everything that differs: the vehicle is asked for finer hashes, again after 4 s, 8 s .., five times.
+  leadline::proto::Digest whole = digest_of(receiver, 0, 0);
+  whole.hashes[0] ^= 1U;
+  feed(&receiver, digest_frame(whole));
+  std::vector<std::int64_t> asked_us;
+  for (std::int64_t now_us = 1'030'000; now_us < 200'000'000; now_us += 5'000) {
+    for (const Bytes& payload : sent_up(&receiver, now_us)) {
+      const auto finer = leadline::proto::decode_digest_request(payload.data(), payload.size());
+      if (finer.ok()) {
+        assert_int_equal(finer.value().range.first, 0);
+        assert_int_equal(finer.value().range.count, 16);
+        asked_us.push_back(now_us);
+      }
+    }
+  }
+  assert_int_equal(asked_us.size(), 5);
+  assert_in_range(asked_us[1] - asked_us[0], 4'000'000, 4'100'000);
+  assert_in_range(asked_us[4] - asked_us[3], 32'000'000, 32'100'000);
+  assert_false(receiver.agreed());
 }
 
 TEST(garbage_is_counted_and_nothing_else) {
