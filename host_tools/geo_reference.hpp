@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -32,6 +33,12 @@ struct GeographicPoint {
   double longitude_deg;
   double latitude_deg;
 };
+
+/// The longitude, whole turns from what is said, that lies within half a turn of `middle_deg`: a map over the
+/// antimeridian stays in one piece, at 179.9 .. 180.1 instead of at both ends of the world.
+[[nodiscard]] inline double longitude_near(double longitude_deg, double middle_deg) {
+  return longitude_deg - 360.0 * std::round((longitude_deg - middle_deg) / 360.0);
+}
 
 /// Turns local coordinates into longitude and latitude, each point for itself. Errors: HostError kUsage
 /// naming the field of [frame].

@@ -70,6 +70,7 @@ class LasFrame {
   LasFrame(const MapSource& source, const ExportPlan& plan) : frame_(plan.frame) {
     if (frame_ == ExportFrame::kLonLat) {
       degrees_ = std::make_unique<GeographicFrame>(plan.reference);
+      middle_deg_ = degrees_->at(source.elevation.west_m, source.elevation.south_m).longitude_deg;
     } else if (frame_ == ExportFrame::kProjected) {
       // The very cells of the GeoTIFF in that system.
       placement_ = place_raster(plan.reference, source.elevation);
@@ -79,7 +80,7 @@ class LasFrame {
   [[nodiscard]] std::array<double, 3> at(double east_m, double north_m, double height_m) const {
     if (degrees_) {
       const GeographicPoint point = degrees_->at(east_m, north_m);
-      return {point.longitude_deg, point.latitude_deg, height_m};
+      return {longitude_near(point.longitude_deg, middle_deg_), point.latitude_deg, height_m};
     }
     if (placement_) {
       return {placement_->plane.x(east_m, north_m), placement_->plane.y(east_m, north_m), height_m};
@@ -90,6 +91,7 @@ class LasFrame {
  private:
   ExportFrame frame_;
   std::unique_ptr<GeographicFrame> degrees_;
+  double middle_deg_ = 0.0;
   std::optional<Placement> placement_;
 };
 

@@ -73,13 +73,25 @@ void add_contours(const Raster& elevation, const ExportPlan& plan, Features* fea
   for (const render::Contour& contour : render::contours(lattice, interval_m, low, high)) {
     ContourLine line{contour.level, contour.closed, {}};
     line.points.reserve(contour.points.size() + 1);
+    const auto add = [&line, &elevation](double east_m, double north_m) {
+      // A level that is a cell's own height meets all edges of that cell in one point.
+      constexpr double kSame_cells = 1e-3;
+      if (line.points.empty() ||
+          std::hypot(east_m - line.points.back().east_m, north_m - line.points.back().north_m) >
+              kSame_cells * elevation.cell_m) {
+        line.points.push_back({east_m, north_m});
+      }
+    };
     for (const render::PointOnLattice& point : contour.points) {
-      line.points.push_back({elevation.west_m + (point.column + 0.5) * elevation.cell_m,
-                             elevation.north_m() - (point.row + 0.5) * elevation.cell_m});
+      add(elevation.west_m + (point.column + 0.5) * elevation.cell_m,
+          elevation.north_m() - (point.row + 0.5) * elevation.cell_m);
     }
     if (contour.closed) {
-      const LocalPoint first = line.points.front();
-      line.points.push_back(first);
+      add(line.points.front().east_m, line.points.front().north_m);
+      line.points.back() = line.points.front();
+    }
+    if (line.points.size() < 2) {
+      continue;  // around a summit of just that height
     }
     features->contours.push_back(std::move(line));
   }
@@ -124,12 +136,17 @@ class PointText {
       : digits_(raster_decimals(source.elevation.cell_m)) {
     if (plan.frame == ExportFrame::kLonLat) {
       frame_ = std::make_unique<GeographicFrame>(plan.reference);
+      const Raster& raster = source.elevation;
+      middle_deg_ = frame_->at(raster.west_m, raster.south_m).longitude_deg;
       digits_ = kDegreeDigits;
     }
   }
   void append(std::string* text, const LocalPoint& point) const {
-    const GeographicPoint shown = frame_ ? frame_->at(point.east_m, point.north_m)
-                                         : GeographicPoint{point.east_m, point.north_m};
+    GeographicPoint shown{point.east_m, point.north_m};
+    if (frame_) {
+      shown = frame_->at(point.east_m, point.north_m);
+      shown.longitude_deg = longitude_near(shown.longitude_deg, middle_deg_);
+    }
     append_fixed(text, shown.longitude_deg, digits_);
     *text += ',';
     append_fixed(text, shown.latitude_deg, digits_);
@@ -137,6 +154,7 @@ class PointText {
 
  private:
   std::unique_ptr<GeographicFrame> frame_;
+  double middle_deg_ = 0.0;
   int digits_;
 };
 

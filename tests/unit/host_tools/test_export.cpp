@@ -442,6 +442,7 @@ OgrContent read_with_gdal(const std::string& path, const char* driver, const cha
       OGREnvelope box;
       OGR_G_GetEnvelope(geometry, &box);
       content.box.Merge(box);
+      content.valid = content.valid && OGR_G_IsValid(geometry) != 0;
       if (OGR_GT_Flatten(OGR_G_GetGeometryType(geometry)) == wkbLineString) {
         content.lines += 1;
         content.length += OGR_G_Length(geometry);
@@ -455,7 +456,6 @@ OgrContent read_with_gdal(const std::string& path, const char* driver, const cha
         content.polygons += 1;
         content.holes += OGR_G_GetGeometryCount(geometry) - 1;
         content.area += OGR_G_Area(geometry);
-        content.valid = content.valid && OGR_G_IsValid(geometry) != 0;
       }
       OGR_F_Destroy(feature);
     }
@@ -514,6 +514,24 @@ TEST(gdal_opens_contours_and_coverage_in_degrees) {
     assert_near((content.box.MinY - 54.0) * 111'315.0, 200.5, 0.05);
     assert_near((content.box.MaxY - 54.0) * 111'315.0, 219.5, 0.05);
   }
+}
+
+// A summit and a ledge whose heights are those of contours: no line of a single point, none twice.
+TEST(a_contour_at_a_cells_own_height_is_a_line_or_none) {
+  MapSource source;
+  source.origin = "summit";
+  source.elevation = leadline::host::make_raster(9, 9, 0.0, 0.0, 1.0, -12.5);
+  source.elevation.at(4, 4) = -12.0;
+  for (int column = 0; column < 9; ++column) {
+    source.elevation.at(8, column) = -13.0;
+  }
+  const std::string path = leadline::test::scratch_directory() + "/summit.geojson";
+  ExportOptions options = to(path);
+  options.contour_interval_m = 0.25;
+  leadline::host::write_file_whole(path, format_geojson(source, plan_export(options, source)));
+  const OgrContent content = read_with_gdal(path, "GeoJSON", "elevation_m");
+  assert_true(content.valid);
+  assert_true(content.lines >= 2);
 }
 
 TEST(gdal_opens_every_raster) {
@@ -692,6 +710,33 @@ TEST(las_of_nothing_and_of_a_continent) {
   const LasFile wide = parse_las(format_las(source, plan_export(to("m.las"), source)));
   assert_near(wide.x[0], 0.0, 1.0);
   assert_near(wide.x[1], 8e8, 1.0);
+}
+
+TEST(a_map_over_the_antimeridian_stays_in_one_piece) {
+  for (const double longitude_deg : {179.999, -179.999}) {
+    MapSource source = cone_map();
+    source.elevation.west_m = longitude_deg > 0.0 ? 100.0 : -120.0;
+    source.reference.lat_deg = -16.5;
+    source.reference.lon_deg = longitude_deg;
+    const std::string folder = leadline::test::scratch_directory();
+    for (const auto& [name, driver] :
+         {std::pair{"/cone.geojson", "GeoJSON"}, std::pair{"/cone.kml", "KML"}}) {
+      ExportOptions options = to(folder + name);
+      const ExportPlan plan = plan_export(options, source);
+      const bool is_kml = plan.format == ExportFormat::kKml;
+      leadline::host::write_file_whole(
+          options.out_path, is_kml ? format_kml(source, plan) : format_geojson(source, plan));
+      const OgrContent content =
+          read_with_gdal(options.out_path, driver, is_kml ? "Name" : "elevation_m");
+      assert_true(content.valid);
+      assert_near((content.box.MaxX - content.box.MinX) * 106'750.0, 19.0, 0.1);
+    }
+    ExportOptions options = to("m.las");
+    options.frame = "lonlat";
+    const LasFile las = parse_las(format_las(source, plan_export(options, source)));
+    assert_true(las.bounds[0] - las.bounds[1] < 0.001);
+    assert_true(las.bounds[0] > 180.0 || las.bounds[1] < -180.0);
+  }
 }
 
 }  // namespace

@@ -102,6 +102,10 @@ TEST(origins_on_earth_are_brought_together) {
   assert_int_equal(maps[0].elevation.columns, 60);
   assert_true(std::isnan(maps[1].elevation.at(20, 19)));
   assert_near(maps[1].elevation.at(20, 20), -20.025, 1e-3);
+  // The same across the antimeridian: 5 m west of it and 5 m east.
+  a.reference.lon_deg = 180.0 - 5.0 / 65'578.0;
+  b.reference.lon_deg = -180.0 + 5.0 / 65'578.0;
+  assert_near(align_maps({a, b})[1].elevation.at(20, 20), -20.025, 1e-3);
   b.reference = {};
   assert_says(complaint({a, b}), "no place on Earth");
   b = slope_map("b", 40, 40, 0.0, 0.0, 0.1);
