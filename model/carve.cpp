@@ -19,6 +19,8 @@ using base::mul_shift;
 constexpr std::int64_t kNoLimit_q16 = std::int64_t{kMaxDepthCells} << 17;
 // Voxels of a column that share one weight of empty evidence.
 constexpr std::int32_t kRun = 24;
+// A cone no wider has too few columns for what plain cones prepare: two cells.
+constexpr std::int32_t kFewColumns_q10 = 2 << 10;
 
 // Entry of the beam weight table at (off / half_width)^2; both Q10, off squared Q20.
 // half_width_q10 >= kTouch_q10, so that nothing is divided by zero.
@@ -420,23 +422,31 @@ void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellE
     return limit_q16 == static_cast<std::int32_t>(limit_q16);
   };
   const std::int32_t east = sensor_->scale.size[1];
-  const bool plain = is_plain(context.frustum, context.empty.inverse_range_q36) &&
+  const bool plain = context.frustum.cone.radius_q10 > kFewColumns_q10 &&
+                     is_plain(context.frustum, context.empty.inverse_range_q36) &&
                      config_.rule == Rule::kLogOdds && fits(rows.first, 0) &&
                      fits(rows.first, east) && fits(rows.last, 0) && fits(rows.last, east);
-  const PlainCone cone = make_plain_cone(
-      context.frustum, sensor_->scale, sensor_->table, context.empty.end_q14,
-      context.empty.growth_q24, static_cast<std::uint32_t>(context.empty.inverse_range_q36));
-  for (std::int32_t n = rows.first; n <= rows.last; ++n) {
-    const bool within = !plain ? carve_row(context, n)
-                               : (cone.form == ConeForm::kUpright
-                                      ? carve_plain_row<ConeForm::kUpright>(context, cone, n)
-                                      : (cone.form == ConeForm::kSlanted
-                                             ? carve_plain_row<ConeForm::kSlanted>(context, cone, n)
-                                             : carve_plain_row<ConeForm::kAny>(context, cone, n)));
-    if (!within) {
-      ++counters_.cones_cut;
-      break;
+  const auto carve_rows = [this, &rows](const auto& carve_one) {
+    for (std::int32_t n = rows.first; n <= rows.last; ++n) {
+      if (!carve_one(n)) {
+        ++counters_.cones_cut;
+        return;
+      }
     }
+  };
+  if (!plain) {
+    carve_rows([&](std::int32_t n) { return carve_row(context, n); });
+  } else {
+    const PlainCone cone = make_plain_cone(
+        context.frustum, sensor_->scale, sensor_->table, context.empty.end_q14,
+        context.empty.growth_q24, static_cast<std::uint32_t>(context.empty.inverse_range_q36));
+    carve_rows([&](std::int32_t n) {
+      return cone.form == ConeForm::kUpright
+                 ? carve_plain_row<ConeForm::kUpright>(context, cone, n)
+                 : (cone.form == ConeForm::kSlanted
+                        ? carve_plain_row<ConeForm::kSlanted>(context, cone, n)
+                        : carve_plain_row<ConeForm::kAny>(context, cone, n));
+    });
   }
   work_.cone_voxels = voxels_this_ping_ - before;
 }

@@ -61,6 +61,14 @@ bool no_hits(const Voxel* voxels) {
   const __m128i any = _mm_or_si128(vector::load(voxels), vector::load(voxels + 4));
   return _mm_movemask_epi8(_mm_cmpeq_epi32(_mm_slli_epi32(any, 16), _mm_setzero_si128())) == 0xFFFF;
 }
+#elif defined(LEADLINE_KERNELS_SIMD32)
+bool no_hits(const Voxel* voxels) {
+  using vector::load;
+  const std::uint32_t any = load(voxels) | load(voxels + 1) | load(voxels + 2) | load(voxels + 3) |
+                            load(voxels + 4) | load(voxels + 5) | load(voxels + 6) |
+                            load(voxels + 7);
+  return any << 16U == 0;
+}
 #else
 bool no_hits(const Voxel* voxels) {
   return (voxels[0].hit | voxels[1].hit | voxels[2].hit | voxels[3].hit | voxels[4].hit |
@@ -71,20 +79,22 @@ bool no_hits(const Voxel* voxels) {
 }  // namespace
 
 HitSpan hit_span(const Voxel* voxels, std::int32_t depth_cells) {
-  HitSpan out{0, depth_cells};
-  while (out.first < depth_cells && no_hits(voxels + out.first)) {
-    out.first += kGroup;
+  const Voxel* first = voxels;
+  const Voxel* end = voxels + depth_cells;
+  while (first < end && no_hits(first)) {
+    first += kGroup;
   }
-  while (out.first < depth_cells && voxels[out.first].hit == 0) {
-    ++out.first;
+  while (first < end && first->hit == 0) {
+    ++first;
   }
-  while (out.end - kGroup >= out.first && no_hits(voxels + out.end - kGroup)) {
-    out.end -= kGroup;
+  while (end - first >= kGroup && no_hits(end - kGroup)) {
+    end -= kGroup;
   }
-  while (out.end > out.first && voxels[out.end - 1].hit == 0) {
-    --out.end;
+  while (end > first && end[-1].hit == 0) {
+    --end;
   }
-  return out;
+  return HitSpan{static_cast<std::int32_t>(first - voxels),
+                 static_cast<std::int32_t>(end - voxels)};
 }
 
 void add_shell_scalar(Voxel* voxels, const std::int16_t* taps, std::int32_t count,
