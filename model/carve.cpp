@@ -400,9 +400,23 @@ bool Model::carve_plain_row(const CarveContext& context, const PlainCone& cone, 
   return within;
 }
 
+// Whether the cone lies above the grid or below it, all of it: a head that looks about has many such beams, and each
+// would ask every row and column that it passes.
+bool Model::carves_nothing(const BeamFrame& frame, const Sighting& sighting,
+                           std::int32_t range_q10) const {
+  constexpr std::int32_t kMargin_q10 = 2 << 10;
+  const auto radius_q10 = static_cast<std::int32_t>(
+      kTouch_q10 + kMargin_q10 +
+      max_of<std::int64_t>(mul_shift(sensor_->scale.cone_tan_q20, range_q10, 20), range_q10 >> 10));
+  const auto reach_q10 = static_cast<std::int32_t>(mul_shift(frame.axis.q30[2], range_q10, 30));
+  const std::int32_t origin_q10 = sighting.origin_q16[2] >> 6;
+  return origin_q10 + max_of(reach_q10, 0) + radius_q10 < 0 ||
+         origin_q10 + min_of(reach_q10, 0) - radius_q10 > sensor_->scale.size[2] * 1024;
+}
+
 void Model::carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
                   std::int32_t range_q10, std::uint32_t end_q14) {
-  if (range_q10 <= 0) {
+  if (range_q10 <= 0 || carves_nothing(frame, sighting, range_q10)) {
     return;
   }
   const bool plane = shell != nullptr && !shell->wall;

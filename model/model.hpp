@@ -232,6 +232,8 @@ class Model {
   void check_saturation(std::uint32_t column);
   void add_empty(Voxel* voxels, std::int32_t count, std::uint32_t first, std::uint32_t strength_q7,
                  std::uint32_t distance, std::uint32_t dither) const;
+  [[nodiscard]] bool carves_nothing(const BeamFrame& frame, const Sighting& sighting,
+                                    std::int32_t range_q10) const;
   void carve(const BeamFrame& frame, const Sighting& sighting, const ShellEvent* shell,
              std::int32_t range_q10, std::uint32_t end_q14);
   struct CarveContext;

@@ -337,6 +337,49 @@ TEST(a_vehicle_far_outside_maps_into_the_grid) {
   assert_int_equal(model.counters().last_voxels_per_ping, 0);
 }
 
+TEST(beams_above_or_below_the_grid_ask_no_column) {
+  // A grid, and one with as many layers again above and below, which sees what the first leaves out.
+  constexpr std::int32_t kSide = 24;
+  constexpr std::int32_t kLayers = 20;
+  ModelConfig config = plain_config(kSide, kSide, kLayers);
+  config.no_return = NoReturnPolicy::kEmpty;
+  config.detect_range_um = 30'000'000;
+  config.origin_mm[2] = kLayers * 1000;
+  ModelConfig tall = config;
+  tall.size[2] = 3 * kLayers;
+  tall.origin_mm[2] = 0;
+  Random random(21);
+  const auto any = [&random](double low, double high) {
+    return low + (high - low) * random.uniform();
+  };
+  int passed = 0;
+  int written = 0;
+  for (int trial = 0; trial < 120; ++trial) {
+    PlainBeam beam = thin_beam();
+    beam.half_angle_along_rad = trial % 2 == 0 ? 0.001 : 0.15;
+    Ping silent = ping_along(any(0, 360), any(-90, 90), 0);
+    silent.kind = ReturnKind::kNoReturn;
+    const Pose pose = pose_at(any(-5, kSide + 5), any(-5, kSide + 5), any(0, 3 * kLayers));
+    configure(model, config, plain_table(beam));
+    assert_int_equal(model.integrate(silent, pose), PingResult::kNoReturn);
+    configure(other, tall, plain_table(beam));
+    assert_int_equal(other.integrate(silent, pose), PingResult::kNoReturn);
+    int inside = 0;
+    for (const Touched& at : touched(other)) {
+      inside += at.k >= kLayers && at.k < 2 * kLayers ? 1 : 0;
+    }
+    const PingWork& work = model.last_work();
+    if (work.cone_rows == 0) {
+      assert_int_equal(inside, 0);
+      passed += other.last_work().cone_voxels > 0 ? 1 : 0;
+    }
+    assert_true(inside == 0 || work.cone_voxels > 0);
+    written += inside > 0 ? 1 : 0;
+  }
+  assert_true(passed > 15);
+  assert_true(written > 15);
+}
+
 TEST(silence_is_ignored_or_empty_by_policy) {
   ModelConfig config = plain_config(32, 32, 60);
   Ping silent = ping_along(0, 90, 0);
