@@ -117,7 +117,8 @@ class Monitor {
     while (!StopSignals::stopped()) {
       round(now_s());
       server_->wake();
-      server_->run_for(player_ && player_->seeking() ? 0 : kRound_ms);
+      const bool more = player_ ? player_->seeking() : flooded_;
+      server_->run_for(more ? 0 : kRound_ms);
     }
     line_.wipe();
     if (store_ && receiver_->store() != nullptr) {
@@ -148,7 +149,10 @@ class Monitor {
     receiver_ = std::make_unique<Receiver>();
     receiver_->on_begun = [this](TileStore& begun) {
       if (store_) {
-        store_->begin(&begun);
+        store_->begin(&begun, [this] {
+          link_->hold(now_s());
+          server_->run_for(0);
+        });
       }
     };
     receiver_->on_replaced = [this](const TileStore& ended) {
@@ -211,8 +215,13 @@ class Monitor {
 
   void listen(double now) {
     const std::uint64_t before = received_frames_ + receiver_->counters().frames;
+    // All that has come, unless it is a flood: the page is served in between.
+    const double until_s = now + kRound_ms * 1e-3;
+    flooded_ = true;
     try {
-      (void)link_->read_some(receiver_.get(), now);
+      while (flooded_ && now_s() < until_s) {
+        flooded_ = link_->read_some(receiver_.get(), now) > 0;
+      }
     } catch (const HostError& error) {
       refuse(error.what());
     }
@@ -345,6 +354,7 @@ class Monitor {
   std::string refused_;
   std::uint64_t received_frames_ = 0;  ///< whole ones, by receivers that are no more
   double last_frame_s_ = -1.0;
+  bool flooded_ = false;  ///< more comes than one round takes
   double begin_s_ = 0.0;
   double shown_s_ = 0.0;
   LiveLine line_;

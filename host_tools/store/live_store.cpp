@@ -16,11 +16,11 @@ constexpr int kLivePatience_ms = 50;
 LiveStore::LiveStore(const std::string& path, std::function<void(const std::string&)> say)
     : keeper_(path), say_(std::move(say)) {}
 
-void LiveStore::begin(TileStore* map) {
+void LiveStore::begin(TileStore* map, const std::function<void()>& meanwhile) {
   unusable_.clear();
   StoreLoad load;
   try {
-    load = keeper_.begin(map);
+    load = keeper_.begin(map, meanwhile);
   } catch (const HostError& error) {
     // Written over, what it has of this map would be lost.
     unusable_ = error.what();

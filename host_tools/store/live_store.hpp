@@ -15,7 +15,8 @@ class LiveStore {
   LiveStore(const std::string& path, std::function<void(const std::string&)> say);
 
   /// A map begins: what the store has of it comes back. A store that cannot be read is said, and left as it is.
-  void begin(TileStore* map);
+  /// `meanwhile` is called time and again: the link goes on.
+  void begin(TileStore* map, const std::function<void()>& meanwhile = {});
   /// A map ended that another one replaces.
   void end(const TileStore& ended);
   /// Saves once a second: what a power cut can cost.

@@ -457,7 +457,8 @@ std::optional<std::int64_t> SurveyStore::number_of(const proto::Hello& hello) co
 }
 
 StoreLoad SurveyStore::load(std::int64_t number, TileStore* store,
-                            std::vector<DisputedCells>* disputed) const {
+                            std::vector<DisputedCells>* disputed,
+                            const std::function<void()>& meanwhile) const {
   StoreLoad load;
   if (disputed != nullptr) {
     disputed->assign(store->tile_count(), DisputedCells());
@@ -485,6 +486,9 @@ StoreLoad SurveyStore::load(std::int64_t number, TileStore* store,
       continue;
     }
     load.tiles += 1;
+    if (meanwhile && load.tiles % kTilesPerStep == 0) {
+      meanwhile();
+    }
     if (disputed != nullptr) {
       (*disputed)[tile.tile] = disputed_of(disputes);
     }
@@ -597,10 +601,10 @@ std::int64_t SurveyStore::write_merged(const TileStore& store,
   return number;
 }
 
-StoreLoad StoreKeeper::begin(TileStore* map) {
+StoreLoad StoreKeeper::begin(TileStore* map, const std::function<void()>& meanwhile) {
   StoreLoad load;
   if (const std::optional<StoredSurvey> found = store_.survey_of(map->hello())) {
-    load = store_.load(found->number, map);
+    load = store_.load(found->number, map, nullptr, meanwhile);
     if (map->hello().has_geodetic_origin == 0 && found->hello.has_geodetic_origin != 0) {
       map->take_place(found->hello);
     }

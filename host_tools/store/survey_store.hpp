@@ -74,9 +74,12 @@ class SurveyStore {
   [[nodiscard]] std::optional<StoredSurvey> survey_of(const proto::Hello& hello) const;
 
   /// Restores the survey's tiles into `store`, a TileStore of its hello that has none of them. Into
-  /// `disputed`, unless null, one entry per tile of the grid.
+  /// `disputed`, unless null, one entry per tile of the grid. `meanwhile`, unless empty, is called every kTilesPerStep
+  /// tiles: a large survey takes longer than a link waits.
   StoreLoad load(std::int64_t number, TileStore* store,
-                 std::vector<DisputedCells>* disputed = nullptr) const;
+                 std::vector<DisputedCells>* disputed = nullptr,
+                 const std::function<void()>& meanwhile = {}) const;
+  static constexpr std::uint32_t kTilesPerStep = 128;
 
   /// Writes the tiles of `store` that changed after its sequence() was `since`, and its place, in one
   /// transaction; a map that is new to the file becomes a survey. A tile that the file has in a newer
@@ -124,8 +127,9 @@ class StoreKeeper {
   /// Opens or creates the file. Throws as SurveyStore.
   explicit StoreKeeper(const std::string& path) : store_(path, SurveyStore::Access::kWrite) {}
 
-  /// To be called when a map begins, before anything is applied to it: what the file has of it comes back.
-  StoreLoad begin(TileStore* map);
+  /// To be called when a map begins, before anything is applied to it: what the file has of it comes back. `meanwhile` as
+  /// SurveyStore::load's.
+  StoreLoad begin(TileStore* map, const std::function<void()>& meanwhile = {});
   /// Writes what changed since the last call, after waiting so long for another program that writes. False: it could
   /// not be written now; problem() says why.
   bool save(const TileStore& map, int patience_ms = SurveyStore::kPatience_ms);

@@ -2,6 +2,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include <poll.h>
 #include <unistd.h>
@@ -78,9 +79,16 @@ bool LinkReader::send(const std::vector<std::uint8_t>& frame) {
 
 std::size_t LinkReader::read_bytes(
     double now_s, const std::function<void(const std::uint8_t*, std::size_t)>& take) {
-  std::size_t sum = 0;
   const auto now_us = static_cast<base::TimeUs>(now_s * 1e6);
   port_->service(now_us);
+  const std::vector<std::uint8_t> held = std::exchange(held_, {});
+  std::size_t sum = held.size();
+  if (!held.empty()) {
+    if (share_) {
+      share_->give(held.data(), held.size());
+    }
+    take(held.data(), held.size());
+  }
   for (int k = 0; k < kReadsPerRound; ++k) {
     base::TimeUs ignored_us = 0;
     const std::size_t got = port_->read(now_us, buffer_.data(), buffer_.size(), ignored_us);
@@ -94,6 +102,20 @@ std::size_t LinkReader::read_bytes(
     take(buffer_.data(), got);
   }
   return sum;
+}
+
+void LinkReader::hold(double now_s) {
+  const auto now_us = static_cast<base::TimeUs>(now_s * 1e6);
+  // Not into buffer_: what stands there may be under work.
+  std::vector<std::uint8_t> piece(is_file_ ? 0 : kRead_bytes);
+  while (!piece.empty() && held_.size() + piece.size() <= kMaxHeld_bytes) {
+    base::TimeUs ignored_us = 0;
+    const std::size_t got = port_->read(now_us, piece.data(), piece.size(), ignored_us);
+    if (got == 0) {
+      return;
+    }
+    held_.insert(held_.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
+  }
 }
 
 void LinkReader::ask_again(Receiver* receiver, double now_s) {

@@ -34,6 +34,10 @@ class LinkReader {
   /// The same for whoever takes bytes.
   std::size_t read_bytes(double now_s,
                          const std::function<void(const std::uint8_t*, std::size_t)>& take);
+  /// For work that takes longer than the port's own room lasts, inside of read_some() too: what has come is kept, up to
+  /// kMaxHeld_bytes, and is the first that the next read gives. Nothing for a file, which waits.
+  void hold(double now_s);
+  static constexpr std::size_t kMaxHeld_bytes = 8 * 1024 * 1024;
   /// Sends a whole frame. False: no room now.
   bool send(const std::vector<std::uint8_t>& frame);
   /// Sends what the receiver has to say up (Receiver::uplink), as the port has room for it.
@@ -56,6 +60,7 @@ class LinkReader {
   hal::PortWatch watch_;
   std::unique_ptr<LinkShare> share_;
   std::vector<std::uint8_t> buffer_;
+  std::vector<std::uint8_t> held_;
 };
 
 /// "warning: ", "error: ", or nothing.

@@ -52,7 +52,7 @@ class Session {
     }
     receiver_.on_begun = [this](TileStore& begun) {
       if (store_) {
-        store_->begin(&begun);
+        store_->begin(&begun, [this] { link_.hold(now_s()); });
       }
     };
     receiver_.on_replaced = [this](const TileStore& ended) {

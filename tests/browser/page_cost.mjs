@@ -2,7 +2,7 @@
 //
 // usage: node page_cost.mjs LEADLINE MODULES    (the program; folder with node_modules/playwright-core: build/browser)
 // Prints a table: sides of maps full of cells, bytes to the graphics and milliseconds of the page's own work per update of
-// eight tiles.
+// eight tiles, obstacles counted.
 import { openBrowser, startMonitor } from "./support.mjs";
 
 const [program, modules] = process.argv.slice(2);
@@ -25,6 +25,7 @@ for (const side of [64, 128, 256, 512, 1024, 2048]) {
       scene.setTile(id, store.setTile(message));
     };
     const tiles = (cells / 16) ** 2;
+    store.obstacles(1); // counted as well
     for (let id = 0; id < tiles; id++) put(id, 1000);
     const before = scene.uploads.bytes, begin = performance.now(), rounds = 50;
     for (let round = 0; round < rounds; round++) {

@@ -204,6 +204,7 @@ export class MapStore {
   #noteObstacles(id, tile) {
     this.obstacleCount -= this.obstacleTiles.get(id)?.count ?? 0;
     this.obstacleTiles.delete(id);
+    if (this.obstacleM === -Infinity) return; // nobody has asked
     const found = { count: 0, k: 0, cell: UNKNOWN_DEEP };
     for (let k = 0; tile && k < TILE_AREA; k++) {
       if (!(tile[k] & 31) || this.depthOf(tile[k]) >= this.obstacleM) continue;

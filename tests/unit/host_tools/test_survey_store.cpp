@@ -138,8 +138,10 @@ TEST(a_restarted_topside_continues_with_what_it_had) {
   placed.latitude_e9deg = 54'000'000'000;
   TileStore resumed(placed);
   StoreKeeper keeper(path);
-  const StoreLoad load = keeper.begin(&resumed);
+  std::uint32_t steps = 0;
+  const StoreLoad load = keeper.begin(&resumed, [&steps] { steps += 1; });
   assert_int_equal(load.tiles, map.known_tiles());
+  assert_int_equal(steps, load.tiles / SurveyStore::kTilesPerStep);
   assert_int_equal(load.damaged_tiles, 0);
   assert_true(resumed.cells_hash() == map.cells_hash());
   assert_int_equal(resumed.tiles_incomplete(), 0);
