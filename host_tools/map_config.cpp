@@ -178,8 +178,10 @@ std::vector<ConfigEntry> entries_of(const MapConfig& config) {
 
 const char* beam_kind_name(BeamKind kind) { return kBeamKindNames[static_cast<std::size_t>(kind)]; }
 
-MapConfig parse_map_config(std::string_view text, const std::string& name,
-                           const std::string& base_dir) {
+namespace {
+
+MapConfig parse(std::string_view text, const std::string& name, const std::string& base_dir,
+                bool needs_grid) {
   MapConfig config;
   TomlReader reader(text, name, known_tables());
   reader.read_schema_version(kSchemaVersion);
@@ -187,13 +189,30 @@ MapConfig parse_map_config(std::string_view text, const std::string& name,
   if (reader.section("survey").read_text("name", kMaxName_bytes, &survey_name)) {
     config.survey_name = survey_name;
   }
-  config.grid = read_grid(&reader);
+  if (needs_grid || reader.root().has("grid")) {
+    config.grid = read_grid(&reader);
+  } else {
+    config.grid =
+        GridConfig{1000, {4096, 4096, 1024}, {0, 0, 0}, 0};  // limits no range of the beam
+  }
   read_sonar(&reader, base_dir, &config);
   read_navigation_sigmas(&reader, &config.navigation);
   config.model = read_model(&reader);
   config.frame = read_frame(&reader);
   reader.finish();
   return config;
+}
+
+}  // namespace
+
+MapConfig parse_map_config(std::string_view text, const std::string& name,
+                           const std::string& base_dir) {
+  return parse(text, name, base_dir, true);
+}
+
+MapConfig load_beam_config(const std::string& path) {
+  return parse(read_config_text(path), path, std::filesystem::path(path).parent_path().string(),
+               false);
 }
 
 MapConfig load_map_config(const std::string& path) {

@@ -60,6 +60,9 @@ struct MapConfig {
 [[nodiscard]] MapConfig parse_map_config(std::string_view text, const std::string& name,
                                          const std::string& base_dir);
 
+/// As load_map_config, but [grid] may be missing: what a table is made of.
+[[nodiscard]] MapConfig load_beam_config(const std::string& path);
+
 /// Every value after defaults, as TOML that parse_map_config(..., "") reads back to the same values.
 [[nodiscard]] std::string map_config_to_toml(const MapConfig& config);
 /// The same as one JSON object: tables are objects, unset optional keys are absent.

@@ -23,7 +23,7 @@ int run_table(const TableOptions& options) {
     std::cout << (options.json ? table_to_json(table) : table_to_text(table)) << "\n";
     return 0;
   }
-  const MapConfig config = load_map_config(options.config_path);
+  const MapConfig config = load_beam_config(options.config_path);
   const GeneratedTable generated = generate_table(beam_description(config.sonar));
   if (!options.out_path.empty()) {
     save_table(options.out_path, generated.table);

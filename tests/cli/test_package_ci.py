@@ -71,7 +71,9 @@ class Packages(unittest.TestCase):
         root = self.dir / "leadline-vehicle"
         self.assertEqual((root / "DEBIAN/conffiles").read_text(), "/etc/leadline/vehicle.toml\n")
         toml = (root / "etc/leadline/vehicle.toml").read_text()
-        self.assertIn('path = "/var/lib/leadline/survey.lll"', toml)
+        for written in ('path = "/var/lib/leadline/survey.lll"', 'path = "/var/lib/leadline/map.llp"',
+                        'counter = "/var/lib/leadline/command.key.taken"'):
+            self.assertIn(written, toml)
         self.assertGreater(toml.count("#"), 50)
         for script in ["postinst", "prerm", "postrm"]:
             subprocess.run(["sh", "-n", root / "DEBIAN" / script], check=True)

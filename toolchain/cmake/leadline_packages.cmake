@@ -12,14 +12,19 @@ install(FILES ${packaging}/70-leadline.rules
 install(FILES ${PROJECT_SOURCE_DIR}/firmware/README.md ${PROJECT_SOURCE_DIR}/LICENSE
   DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/leadline-vehicle COMPONENT vehicle)
 
-# The example, with a log that the service may write.
+# The example; what the service writes is where it may (the rest of the file system is read-only to it).
 set_property(DIRECTORY APPEND PROPERTY
   CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/firmware/vehicle.example.toml)
 file(READ ${PROJECT_SOURCE_DIR}/firmware/vehicle.example.toml vehicle_toml)
-string(REPLACE "path = \"survey.lll\"  " "path = \"/var/lib/leadline/survey.lll\"  " packaged_toml "${vehicle_toml}")
-if(packaged_toml STREQUAL vehicle_toml)
-  message(FATAL_ERROR "firmware/vehicle.example.toml has no [log] path = \"survey.lll\" any more")
-endif()
+set(packaged_toml "${vehicle_toml}")
+foreach(written "path = \"survey.lll\"" "path = \"map.llp\"" "counter = \"command.key.taken\"")
+  string(FIND "${packaged_toml}" "${written}" at)
+  if(at EQUAL -1)
+    message(FATAL_ERROR "firmware/vehicle.example.toml has no ${written} any more")
+  endif()
+  string(REPLACE " = \"" " = \"/var/lib/leadline/" packaged "${written}")
+  string(REPLACE "${written}" "${packaged}" packaged_toml "${packaged_toml}")
+endforeach()
 file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/packaging/vehicle.toml CONTENT "${packaged_toml}" @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/packaging/vehicle.toml
   DESTINATION /etc/leadline COMPONENT vehicle)

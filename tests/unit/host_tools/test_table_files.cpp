@@ -233,6 +233,12 @@ TEST(the_command_makes_and_shows_tables) {
   assert_contains(output_of([&] { assert_int_equal(run_table(options), 0); }),
                   "Envelope half-angle: 3.0000 deg\n");
   assert_int_equal(load_table(options.out_path).crc32c, generate_table(cone(3.0)).table.crc32c);
+  // A beam needs no grid.
+  write_text(folder + "/beam.toml", "[sonar]\nbeam_half_angle_deg = 3\nmax_range_mm = 300000\n");
+  options.config_path = folder + "/beam.toml";
+  options.out_path = folder + "/alone.llt";
+  (void)output_of([&] { assert_int_equal(run_table(options), 0); });
+  assert_int_equal(load_table(options.out_path).crc32c, generate_table(cone(3.0)).table.crc32c);
   options.json = true;
   const std::string made = output_of([&] { (void)run_table(options); });
   TableOptions show;
