@@ -296,7 +296,7 @@ TEST(the_resolved_configuration_reads_back_the_same) {
       kGrid +
           "[sonar]\naperture_along_mm = 0.1e2\naperture_across_mm = 50\nfrequency_hz = 1e8\n"
           "[frame]\nlat = -0.0\nlon = 1e-20\nvertical_datum = \"NAVD 88 \\\"x\\\" \\u00e9\"\n",
-      kGrid + "[sonar]\npattern_file = \"a \\\"b\\\" \\\\c\\t\"\n",
+      kGrid + "[sonar]\npattern_file = \"a \\\"b\\\" \\\\c\"\n",
   };
   for (const std::string& text : texts) {
     const std::string resolved = map_config_to_toml(parse(text));
