@@ -30,6 +30,7 @@ using Bytes = std::vector<std::uint8_t>;
 constexpr TimeUs kCycle_us = 20'000;
 constexpr TimeUs kSecond_us = 1'000'000;
 constexpr TimeUs kHour_us = 3600 * kSecond_us;
+constexpr TimeUs kYear_us = 365 * 24 * kHour_us;
 
 Vehicle vehicle;
 
@@ -185,12 +186,12 @@ TEST(a_vehicle_that_starts_over_in_mid_transfer_begins_a_new_map) {
 }
 
 TEST(a_clock_of_either_end_that_steps_costs_time_and_no_cell) {
-  for (const TimeUs step_us : {kSecond_us, -kSecond_us, kHour_us, -kHour_us}) {
+  for (const TimeUs step_us : {kSecond_us, -kSecond_us, kHour_us, -kHour_us, -kYear_us}) {
     for (const bool of_vehicle : {true, false}) {
-      Tether tether(static_cast<std::uint64_t>(step_us + 2 * kHour_us));
-      tether.real_us = 2 * kHour_us;
+      Tether tether(static_cast<std::uint64_t>(step_us + 2 * kYear_us));
+      tether.real_us = 2 * kYear_us;
       static_cast<void>(flown(200));
-      tether.vehicle_us = 2 * kHour_us;
+      tether.vehicle_us = 2 * kYear_us;
       vehicle.restart_link();
       const TimeUs begin_us = tether.real_us;
       while (tether.receiver->counters().deltas < 6) {
@@ -206,6 +207,97 @@ TEST(a_clock_of_either_end_that_steps_costs_time_and_no_cell) {
                   1e-6 * static_cast<double>(step_us), took_s);
       assert_true((vehicle.counters().cycle_time_clamped > clamped) == (of_vehicle && step_us < 0));
     }
+  }
+}
+
+/// Cycles of the vehicle that nobody hears, and in which it hears nobody.
+void cut(Tether* tether, int cycles) {
+  for (int i = 0; i < cycles; ++i) {
+    tether->real_us += kCycle_us;
+    tether->vehicle_us += kCycle_us;
+    CycleOutput output{};
+    vehicle.cycle({tether->vehicle_us, nullptr, 0, 100'000}, output);
+  }
+}
+
+TEST(a_vehicle_that_starts_over_twice_behind_a_cut_tether_begins_one_map) {
+  Tether tether(3);
+  tether.vehicle_us = flown(400);
+  half_way(&tether);
+  int replaced = 0;
+  tether.receiver->on_replaced = [&replaced](const auto&) { ++replaced; };
+  tether.vehicle_us = flown(400, 8);
+  cut(&tether, 20);
+  tether.vehicle_us = flown(400, 9);
+  cut(&tether, 10);
+  tether.settle(120);
+  assert_int_equal(tether.receiver->store()->hello().session, 9);
+  assert_int_equal(replaced, 1);
+  assert_int_equal(tether.receiver->counters().other_surveys, 0);
+}
+
+// A topside that fails at each hello costs what the hellos cost; the first that lives has the map.
+TEST(a_topside_that_starts_over_at_each_hello_does_no_harm) {
+  Tether tether(4);
+  tether.vehicle_us = flown(400);
+  vehicle.restart_link();
+  int started = 0;
+  while (tether.real_us < 30 * kSecond_us) {
+    tether.step();
+    if (tether.receiver->counters().hellos > 0) {
+      tether.receiver = std::make_unique<Receiver>();
+      ++started;
+    }
+  }
+  std::size_t hello_bytes = 0;
+  for (const Bytes& frame : tether.sent) {
+    hello_bytes += frame[2] == static_cast<std::uint8_t>(MessageType::kHello) ? frame.size() : 0;
+  }
+  std::printf("started %d times, %zu bytes of hellos in 30 s\n", started, hello_bytes);
+  assert_true(started > 10);
+  assert_true(hello_bytes < 30 * 400 / 2 + 250);
+  tether.settle(120);
+}
+
+// Two topsides hear one vehicle, each with losses of its own. Both report, and both have the map; or one is mute, and
+// has of it what came once a hello did.
+TEST(two_topsides_of_one_vehicle_do_not_stand_in_each_others_way) {
+  for (const bool mute : {true, false}) {
+    Tether tether(5);
+    tether.vehicle_us = flown(400);
+    Receiver other;
+    Way down(77, true);
+    Way up(78, true);
+    vehicle.restart_link();
+    std::size_t heard = 0;
+    const auto equal = [&] {
+      return other.store() != nullptr && other.store()->cells_hash() == vehicle.cells_hash();
+    };
+    while (!tether.equal() || other.store() == nullptr || (!mute && !equal())) {
+      assert_true(tether.real_us < 300 * kSecond_us);
+      for (int i = 0; i < 10; ++i) {
+        for (; heard < tether.sent.size(); ++heard) {
+          down.send(tether.sent[heard]);
+        }
+        for (const Bytes& frame : down.receive()) {
+          other.feed(frame.data(), frame.size());
+        }
+        for (Bytes frame = other.uplink(tether.real_us); !mute && !frame.empty();
+             frame = other.uplink(tether.real_us)) {
+          up.send(frame);
+        }
+        leadline::test::RecordedCycle cycle{tether.vehicle_us + kCycle_us, 100'000, {}};
+        for (Bytes& frame : up.receive()) {
+          cycle.chunks.push_back({leadline::firmware::kUplinkPort, cycle.t_us, std::move(frame)});
+        }
+        tether.step(&cycle);
+      }
+    }
+    std::printf("%s: equal after %.1f s; the other has %u of %u tiles, %u not whole\n",
+                mute ? "one is mute" : "both report", 1e-6 * static_cast<double>(tether.real_us),
+                other.store()->known_tiles(), tether.receiver->store()->known_tiles(),
+                other.store()->tiles_incomplete());
+    assert_true(other.store()->known_tiles() >= tether.receiver->store()->known_tiles() / 2);
   }
 }
 
