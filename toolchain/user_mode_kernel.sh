@@ -67,7 +67,8 @@ options=(
 (
   cd "$source_tree"
   make -s ARCH=um O="$build" tinyconfig
-  ./scripts/kconfig/merge_config.sh -m -O "$build" "$build/.config" "$work/fragment" >"$work/merge.log"
+  # It tells of every option that the fragment changes.
+  ./scripts/kconfig/merge_config.sh -m -O "$build" "$build/.config" "$work/fragment" >"$work/merge.log" 2>&1
   make -s ARCH=um O="$build" olddefconfig
 )
 for option in "${options[@]}"; do
