@@ -259,6 +259,7 @@ bool message_type(const std::uint8_t* payload, std::size_t size_bytes, MessageTy
     case MessageType::kCommandAnswer:
     case MessageType::kSlice:
     case MessageType::kCoarseDelta:
+    case MessageType::kQuestion:
     case MessageType::kResendRequest:
     case MessageType::kHelloRequest:
     case MessageType::kReport:
@@ -713,10 +714,6 @@ base::Result<HelloRequest> decode_hello_request(const std::uint8_t* payload,
 
 // --- Digest
 
-std::uint16_t frame_tag(const std::uint8_t* payload, std::size_t size_bytes) {
-  return static_cast<std::uint16_t>(base::crc32c(payload, size_bytes) & 0xFFFFU);
-}
-
 std::uint64_t add_digest_tile(std::uint64_t hash, std::uint32_t tile_hash32) {
   for (unsigned shift = 0; shift < 32; shift += 8) {
     hash = (hash ^ ((tile_hash32 >> shift) & 0xFFU)) * kFnvPrime;
@@ -770,18 +767,22 @@ base::Result<Digest> decode_digest(const std::uint8_t* payload, std::size_t size
 
 // --- Report
 
+namespace {
+// Beside the number of bytes in the mask.
+constexpr unsigned kReportAsked = 0x80;
+}  // namespace
+
 base::Result<std::size_t> encode_report(const Report& report, std::uint8_t* out,
                                         std::size_t capacity_bytes) {
-  if (report.frame_count > kMaxReportFrames) {
+  if (report.mask_bytes > kMaxReportMask_bytes) {
     return base::Status::kOutOfRange;
   }
   ByteWriter fields(out, capacity_bytes);
   fields.u8(static_cast<std::uint8_t>(MessageType::kReport));
   fields.u16(report.survey_tag);
-  fields.u8(report.frame_count);
-  for (std::size_t i = 0; i < report.frame_count; ++i) {
-    fields.u16(report.frame_tags[i]);
-  }
+  fields.u8(static_cast<std::uint8_t>(report.mask_bytes | (report.asked ? kReportAsked : 0U)));
+  fields.u16(report.newest);
+  fields.bytes(report.mask, report.mask_bytes);
   return fields.result();
 }
 
@@ -792,17 +793,45 @@ base::Result<Report> decode_report(const std::uint8_t* payload, std::size_t size
   }
   Report report{};
   report.survey_tag = fields.u16();
-  report.frame_count = fields.u8();
-  if (!fields.truncated() && report.frame_count > kMaxReportFrames) {
+  const unsigned reach = fields.u8();
+  report.asked = (reach & kReportAsked) != 0;
+  report.mask_bytes = static_cast<std::uint8_t>(reach & ~kReportAsked);
+  if (!fields.truncated() && report.mask_bytes > kMaxReportMask_bytes) {
     return base::Status::kOutOfRange;
   }
-  for (std::size_t i = 0; i < report.frame_count; ++i) {
-    report.frame_tags[i] = fields.u16();
+  report.newest = fields.u16();
+  for (std::size_t i = 0; i < report.mask_bytes; ++i) {
+    report.mask[i] = fields.u8();
   }
   if (fields.status() != base::Status::kOk) {
     return fields.status();
   }
   return report;
+}
+
+// --- Question
+
+base::Result<std::size_t> encode_question(const Question& question, std::uint8_t* out,
+                                          std::size_t capacity_bytes) {
+  ByteWriter fields(out, capacity_bytes);
+  fields.u8(static_cast<std::uint8_t>(MessageType::kQuestion));
+  fields.u16(question.survey_tag);
+  fields.u16(question.newest);
+  return fields.result();
+}
+
+base::Result<Question> decode_question(const std::uint8_t* payload, std::size_t size_bytes) {
+  ByteReader fields(payload, size_bytes);
+  if (!opens_as(fields, MessageType::kQuestion)) {
+    return base::Status::kInvalidArgument;
+  }
+  Question question{};
+  question.survey_tag = fields.u16();
+  question.newest = fields.u16();
+  if (fields.status() != base::Status::kOk) {
+    return fields.status();
+  }
+  return question;
 }
 
 // --- Digest request

@@ -34,6 +34,7 @@ enum class MessageType : std::uint8_t {
   kCommandAnswer = 0x07,  ///< minor 1; commands.hpp, as are the next and kCommand
   kSlice = 0x08,          ///< minor 1
   kCoarseDelta = 0x09,    ///< minor 1; tile_coder.hpp, coarse.hpp
+  kQuestion = 0x0A,       ///< minor 1
   kResendRequest = 0x40,
   kHelloRequest = 0x41,
   kReport = 0x42,         ///< minor 1
@@ -320,9 +321,6 @@ inline constexpr std::size_t kHelloRequest_bytes = 3;
 
 // --- Digest: hashes over ranges of tiles, so that two ends find where they differ in a few packets
 
-/// Short name of a downlink frame, by which a report tells that it came: low half of the payload's CRC-32C.
-[[nodiscard]] std::uint16_t frame_tag(const std::uint8_t* payload, std::size_t size_bytes);
-
 inline constexpr int kMaxDigestHashes = 64;
 inline constexpr std::uint8_t kMaxDigestLog2 = 24;
 
@@ -347,22 +345,44 @@ inline constexpr std::size_t kMaxDigest_bytes = 1 + 2 + 5 + 1 + 1 + 4 * kMaxDige
 [[nodiscard]] base::Result<Digest> decode_digest(const std::uint8_t* payload,
                                                  std::size_t size_bytes);
 
-// --- Report (uplink): frames that came. What it leaves out for long enough was lost
+// --- Report (uplink): frames of cells that came, by the generation of their tiles. What it leaves out was lost or is
+// under way
 
-inline constexpr int kMaxReportFrames = 64;
+inline constexpr int kMaxReportMask_bytes = 32;
 
 struct Report {
   std::uint16_t survey_tag;
-  std::uint8_t frame_count;  ///< 0 .. kMaxReportFrames
-  std::uint16_t frame_tags[kMaxReportFrames];
+  bool asked;  ///< answers a question: what of numbers up to `newest` did not come was lost
+  std::uint16_t newest;     ///< the newest that came or was asked for: its number, modulo 2^16
+  std::uint8_t mask_bytes;  ///< 0 .. kMaxReportMask_bytes
+  /// Bit i, from the lowest of the first byte on: number newest - i came.
+  std::uint8_t mask[kMaxReportMask_bytes];
+
+  [[nodiscard]] bool came(std::uint32_t before_newest) const {
+    return ((static_cast<unsigned>(mask[before_newest / 8]) >> (before_newest % 8)) & 1U) != 0;
+  }
 };
 
-inline constexpr std::size_t kMaxReport_bytes = 4 + 2 * kMaxReportFrames;
+inline constexpr std::size_t kMaxReport_bytes = 6 + kMaxReportMask_bytes;
 
 [[nodiscard]] base::Result<std::size_t> encode_report(const Report& report, std::uint8_t* out,
                                                       std::size_t capacity_bytes);
 [[nodiscard]] base::Result<Report> decode_report(const std::uint8_t* payload,
                                                  std::size_t size_bytes);
+
+// --- Question: the vehicle has nothing else to say, and asks for a report
+
+struct Question {
+  std::uint16_t survey_tag;
+  std::uint16_t newest;  ///< number of the newest frame of cells that left, modulo 2^16
+};
+
+inline constexpr std::size_t kQuestion_bytes = 5;
+
+[[nodiscard]] base::Result<std::size_t> encode_question(const Question& question, std::uint8_t* out,
+                                                        std::size_t capacity_bytes);
+[[nodiscard]] base::Result<Question> decode_question(const std::uint8_t* payload,
+                                                     std::size_t size_bytes);
 
 // --- Digest request (uplink): hashes of a range, as fine as one digest has room for
 

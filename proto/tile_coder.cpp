@@ -133,8 +133,8 @@ base::Result<int> TilePacketEncoder::add(const TileUpdate& update, int least_cel
   std::array<std::uint8_t, kTileHeaderBound_bytes> header{};
   ByteWriter fields(header.data(), header.size());
   fields.varint(zigzag(last_tile_, update.tile));
+  fields.varint(update.generation);
   if (scale_ == TileScale::kFine) {
-    fields.varint(update.generation);
     fields.u32(fold_hash(tile_hash(update.cells)));
   }
   const std::size_t header_bytes = fields.size_bytes() + 1;  // and the count
@@ -208,8 +208,8 @@ void apply_delta(const TileDelta& delta, CodedCell* tile_cells) {
 base::Status TilePacketDecoder::read_header(ByteReader& fields, std::uint32_t last_tile,
                                             TileDelta& delta) const {
   delta.tile = unzigzag(last_tile, fields.varint());
+  delta.generation = fields.varint();
   if (scale_ == TileScale::kFine) {
-    delta.generation = fields.varint();
     delta.hash32 = fields.u32();
   }
   delta.cell_count = fields.u8() + 1;

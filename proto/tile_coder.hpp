@@ -17,8 +17,7 @@
 
 namespace leadline::proto {
 
-/// Which map a packet speaks of: the map itself, or its coarse picture (coarse.hpp), whose tiles have neither
-/// generation nor hash.
+/// Which map a packet speaks of: the map itself, or its coarse picture (coarse.hpp), whose tiles have no hash.
 enum class TileScale : std::uint8_t { kFine, kCoarse };
 
 /// Most tiles of one packet.
@@ -53,7 +52,7 @@ struct CellMask {
 struct TileUpdate {
   std::uint32_t tile;  ///< < kMaxTiles; row-major over the tiles of the grid, north first
   std::uint32_t
-      generation;  ///< goes up (modulo 2^32) whenever a coded cell of the tile changes; fine only
+      generation;  ///< goes up (modulo 2^32) from packet to packet of the tile; this sender: number of the frame
   const CodedCell* cells;  ///< all 256, as they are now: valid cells (cell_valid)
   CellMask changed;        ///< which of them to send; at least one
 };
@@ -129,7 +128,7 @@ class TilePacketEncoder {
 /// What one packet says about one tile.
 struct TileDelta {
   std::uint32_t tile;
-  std::uint32_t generation;  ///< 0 in a coarse packet
+  std::uint32_t generation;
   /// fold_hash(tile_hash) of the sender's whole tile: equals the receiver's after applying, when the
   /// receiver has missed nothing and the tile was not cut. 0 in a coarse packet.
   std::uint32_t hash32;

@@ -35,9 +35,9 @@ class CoarseFirst {
   /// Puts what was not told of such a tile into it. O(tile).
   void add(const model::Model& model, model::TileId tile);
   /// What there is to tell, valid until the next add(); `changed` may be empty. O(tile).
-  [[nodiscard]] proto::TileUpdate update() {
+  [[nodiscard]] proto::TileUpdate update(std::uint32_t generation) {
     coarse_.code(cells_.data());
-    return {tile_, 0, cells_.data(), coarse_.known()};
+    return {tile_, generation, cells_.data(), coarse_.known()};
   }
   /// `taken` of update() is in the downlink.
   void sent(const model::Grid& grid, const proto::CellMask& taken);

@@ -20,20 +20,21 @@ constexpr std::uint32_t kMostSpent_q16 = 78'643;
 constexpr std::uint32_t kFewPart = 8;
 constexpr std::uint32_t kFirstLoss_q16 = 19'661;
 // The estimate follows the last 16 frames.
+constexpr unsigned kMostQuestion_log2 = 8;
+constexpr std::uint32_t kLossy_q16 = 65'536 / 20;
 constexpr unsigned kLossMemory_log2 = 4;
 constexpr unsigned kLongMemory_log2 = 6;
-// Numbers begin shortly before they wrap, so that no vehicle is the first to see it, after months.
-constexpr std::uint32_t kFirstNumber = 0U - 2 * LinkLedger::kFrames;
+// These begin shortly before they wrap, so that no vehicle is the first to see it, after months.
 constexpr std::uint32_t kFirstTile = 0U - LinkLedger::kFrameTiles;
 
 }  // namespace
 
-void LinkLedger::reset(TimeUs first_patience_us) {
+void LinkLedger::reset(TimeUs first_patience_us, std::uint32_t number) {
   first_patience_us_ = first_patience_us;
   for (Frame& each : frames_) {
     each = Frame{};
   }
-  first_ = end_ = newest_confirmed_ = kFirstNumber;
+  first_ = end_ = newest_confirmed_ = answered_ = number;
   tiles_end_ = kFirstTile;
   under_way_ = 0;
   telling_count_ = 0;
@@ -47,6 +48,8 @@ void LinkLedger::reset(TimeUs first_patience_us) {
   timeouts_ = 0;
   loss_q16_ = long_loss_q16_ = kFirstLoss_q16;
   next_loss_us_ = INT64_MAX;
+  question_due_us_ = 0;
+  unanswered_ = 0;
   loses_ = false;
   heard_ = false;
 }
@@ -61,6 +64,9 @@ bool LinkLedger::has_room(std::size_t tile_count) {
   }
   if (static_cast<std::int32_t>(newest_confirmed_ - first_) < 0) {
     newest_confirmed_ = first_;
+  }
+  if (static_cast<std::int32_t>(answered_ - first_) < 0) {
+    answered_ = first_;
   }
   return fits();
 }
@@ -77,41 +83,34 @@ bool LinkLedger::give_up_oldest(FrameTile& tile) {
   return false;
 }
 
-void LinkLedger::sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count,
-                      TimeUs through_us) {
+void LinkLedger::sent(const FrameTile* tiles, std::size_t tile_count, TimeUs through_us) {
   for (std::size_t i = 0; i < tile_count; ++i) {
     tiles_[(tiles_end_ + i) % kFrameTiles] = tiles[i];
   }
-  State state = State::kUnderWay;
-  for (std::uint32_t back = 1; back < kFrames; ++back) {
-    Frame& before = frame(end_ - back);
-    if (before.tag == tag && before.tile_count > 0) {
-      state = State::kNameless;
-      before.state = before.state < State::kConfirmed ? State::kNameless : State::kConfirmed;
-    }
+  frame(end_) =
+      Frame{through_us, tiles_end_, static_cast<std::uint8_t>(tile_count), State::kUnderWay};
+  busy_since_us_ = under_way_ == 0 ? through_us : busy_since_us_;
+  sent_cells_ += cells_of(end_);
+  under_way_cells_ += cells_of(end_);
+  if (sent_cells_ > kManyCells) {
+    sent_cells_ /= 2;
+    owed_again_cells_ /= 2;
   }
-  frame(end_) = Frame{through_us, tiles_end_, tag, static_cast<std::uint8_t>(tile_count), state};
-  if (tile_count > 0) {
-    busy_since_us_ = under_way_ == 0 ? through_us : busy_since_us_;
-    sent_cells_ += cells_of(end_);
-    under_way_cells_ += cells_of(end_);
-    if (sent_cells_ > kManyCells) {
-      sent_cells_ /= 2;
-      owed_again_cells_ /= 2;
-    }
-  }
-  if (tile_count > 0 && !waiting_) {
+  if (!waiting_) {
     waiting_ = true;
     waiting_since_us_ = through_us;
   }
+  // On a line that loses the report of the last frame is asked for at once, on another when it is overdue.
+  question_due_us_ = loss_q16_ > kLossy_q16 ? 0 : through_us + named_us();
+  unanswered_ = 0;
   ++end_;
   tiles_end_ += static_cast<std::uint32_t>(tile_count);
-  under_way_ += tile_count > 0 ? 1U : 0U;
+  ++under_way_;
 }
 
 void LinkLedger::resolve(std::uint32_t number, State state) {
   Frame& resolved = frame(number);
-  under_way_ -= resolved.tile_count > 0 ? 1U : 0U;
+  --under_way_;
   under_way_cells_ -= cells_of(number);
   resolved.state = state;
 }
@@ -196,36 +195,58 @@ void LinkLedger::note_report(TimeUs now_us) {
   heard_ = true;
   timeouts_ = 0;
   last_report_us_ = now_us;
+  unanswered_ = 0;
   waiting_ = under_way_ > 0;
   waiting_since_us_ = now_us;
 }
 
-LinkLedger::Word LinkLedger::confirm(std::uint16_t tag, TimeUs now_us) {
-  for (std::uint32_t number = first_; number != end_; ++number) {
-    Frame& each = frame(number);
-    if (each.tag != tag || each.state == State::kNameless || each.state == State::kConfirmed) {
-      continue;
-    }
-    const bool late = each.state > State::kConfirmed;
-    if (late) {
-      each.state = State::kConfirmed;
-    } else {
-      resolve(number, State::kConfirmed);
-    }
-    if (static_cast<std::int32_t>(number + 1 - newest_confirmed_) > 0) {
-      newest_confirmed_ = number + 1;
-      // A frame that others overtook, or that is reported again, says nothing of the round trip; nor
-      // does one without cells, which is not reported for its own sake.
-      if (each.tile_count > 0) {
-        learn_round_trip(max_of<TimeUs>(now_us - each.through_us, 1));
-      }
-    }
-    learn_loss(false);
-    telling_ = each.first_tile;
-    telling_count_ = each.tile_count;
-    return late ? Word::kCameLate : Word::kCame;
+// The frame in the ring whose number ends so.
+bool LinkLedger::find(std::uint16_t number16, std::uint32_t& number) const {
+  const std::uint32_t back = (end_ - 1 - number16) & UINT16_MAX;
+  number = end_ - 1 - back;
+  return back < end_ - first_;
+}
+
+void LinkLedger::answered(std::uint16_t number16) {
+  std::uint32_t number = 0;
+  if (find(number16, number) && static_cast<std::int32_t>(number + 1 - answered_) > 0) {
+    answered_ = number + 1;
   }
-  return Word::kNone;
+}
+
+bool LinkLedger::question_due(TimeUs now_us) const {
+  return heard_ && under_way_ > 0 && now_us >= question_due_us_;
+}
+
+void LinkLedger::asked(TimeUs through_us) {
+  question_due_us_ = through_us + (named_us() << min_of(unanswered_ / 4, kMostQuestion_log2));
+  ++unanswered_;
+}
+
+LinkLedger::Word LinkLedger::confirm(std::uint16_t number16, TimeUs now_us) {
+  std::uint32_t number = 0;
+  if (!find(number16, number)) {
+    return Word::kNone;
+  }
+  Frame& each = frame(number);
+  if (each.state == State::kConfirmed) {
+    return Word::kNone;
+  }
+  const bool late = each.state > State::kConfirmed;
+  if (late) {
+    each.state = State::kConfirmed;
+  } else {
+    resolve(number, State::kConfirmed);
+  }
+  if (static_cast<std::int32_t>(number + 1 - newest_confirmed_) > 0) {
+    newest_confirmed_ = number + 1;
+    // A frame that others overtook, or that is reported again, says nothing of the round trip.
+    learn_round_trip(max_of<TimeUs>(now_us - each.through_us, 1));
+  }
+  learn_loss(false);
+  telling_ = each.first_tile;
+  telling_count_ = each.tile_count;
+  return late ? Word::kCameLate : Word::kCame;
 }
 
 bool LinkLedger::next_confirmed(FrameTile& tile) {
@@ -267,7 +288,8 @@ LinkLedger::State LinkLedger::judge(std::uint32_t number, TimeUs now_us, bool id
                          static_cast<std::int32_t>(kOvertaken);
   const bool passed_over =
       round_trip_us_ != 0 && last_report_us_ - followed_us(number) >= named_us();
-  const bool lost = overtaken || passed_over;
+  const bool missed = static_cast<std::int32_t>(answered_ - 1 - number) >= 0;
+  const bool lost = overtaken || passed_over || missed;
   if (lost) {
     loses_ = true;
     learn_loss(true);
@@ -315,9 +337,8 @@ bool LinkLedger::next_lost(TimeUs now_us, bool idle, FrameTile& tile) {
       if (fate <= State::kConfirmed) {
         continue;
       }
-      // Of a nameless one nobody can tell later that it came.
-      Frame& each = frame(number);
-      resolve(number, each.state == State::kNameless ? State::kConfirmed : fate);
+      const Frame& each = frame(number);
+      resolve(number, fate);
       owed_again_cells_ += cells_of(number);
       telling_ = each.first_tile;
       telling_count_ = each.tile_count;

@@ -22,9 +22,8 @@ struct FrameTile {
   bool coarse = false;  ///< coarse cells (coarse_first.hpp)
 };
 
-/// A ring of the last frames with their tiles. Frames are named by proto::frame_tag; where two in the ring share
-/// a name, no report confirms either: they go again. 90 KB, 4 KB with a map of
-/// less than 64 tiles. Static storage, not thread-safe; time is the vehicle's own and never goes back.
+/// A ring of the last frames with their tiles, in the order in which they left: one number after the other. 90 KB, 4 KB
+/// with a map of less than 64 tiles. Static storage, not thread-safe; time is the vehicle's own and never goes back.
 class LinkLedger {
  public:
   /// Powers of two; fewer on a target with a small map.
@@ -37,8 +36,11 @@ class LinkLedger {
   LinkLedger(const LinkLedger&) = delete;
   LinkLedger& operator=(const LinkLedger&) = delete;
 
-  /// Forgets all. first_patience_us: how long a report may take before one told. O(kFrames).
-  void reset(base::TimeUs first_patience_us);
+  /// Forgets all. first_patience_us: how long a report may take before one told. The next frame's number is
+  /// `number`. O(kFrames).
+  void reset(base::TimeUs first_patience_us, std::uint32_t number = 1);
+  /// Of the frame that sent() will speak of: goes up by one a frame, modulo 2^32.
+  [[nodiscard]] std::uint32_t next_number() const { return end_; }
 
   /// Whether a frame of `tile_count` tiles can be noted without giving up one that is under way; the oldest of those
   /// whose fate is known make room.
@@ -47,14 +49,18 @@ class LinkLedger {
   /// (it is out then). Only while under_way_frames() > 0.
   [[nodiscard]] bool give_up_oldest(FrameTile& tile);
   /// A frame leaves; has_room(tile_count) holds. through_us: when its last byte will be through the line.
-  void sent(std::uint16_t tag, const FrameTile* tiles, std::size_t tile_count,
-            base::TimeUs through_us);
+  void sent(const FrameTile* tiles, std::size_t tile_count, base::TimeUs through_us);
 
-  /// A report that came at `now_us` names a frame. While next_confirmed() gives tiles, they came: kCame, and those
-  /// of kCameLate after next_lost() had told them. O(kFrames).
+  /// A report that came at `now_us` names a frame (its number modulo 2^16). While next_confirmed() gives tiles, they
+  /// came: kCame, and those of kCameLate after next_lost() had told them. O(1).
   enum class Word : std::uint8_t { kNone, kCame, kCameLate };
-  [[nodiscard]] Word confirm(std::uint16_t tag, base::TimeUs now_us);
+  [[nodiscard]] Word confirm(std::uint16_t number16, base::TimeUs now_us);
   [[nodiscard]] bool next_confirmed(FrameTile& tile);
+  /// A report that answers a question: what it did not name of the frames up to that number was lost.
+  void answered(std::uint16_t number16);
+  /// Whether to ask for a report, when there is nothing else to send; and that this was done.
+  [[nodiscard]] bool question_due(base::TimeUs now_us) const;
+  void asked(base::TimeUs through_us);
   /// These cells came, as they still are: frames under way that carry them too need not. O(kFrameTiles).
   void cover(const FrameTile& came);
   /// One tile after the other of frames that are lost by now: overtaken by kOvertaken later frames, passed
@@ -62,8 +68,12 @@ class LinkLedger {
   /// link is `idle`). False when there is none (more).
   /// O(kFrames) in all.
   [[nodiscard]] bool next_lost(base::TimeUs now_us, bool idle, FrameTile& tile);
-  /// When next_lost() has something to tell at the earliest if nothing else happens: as it found when it had told all.
-  [[nodiscard]] base::TimeUs next_loss_us() const { return next_loss_us_; }
+  /// When next_lost() has something to tell at the earliest if nothing else happens (as it found when it had told all),
+  /// or question_due() becomes true.
+  [[nodiscard]] base::TimeUs next_loss_us() const {
+    const bool asks = under_way_ > 0 && question_due_us_ > 0 && question_due_us_ < next_loss_us_;
+    return asks ? question_due_us_ : next_loss_us_;
+  }
 
   /// Nothing is owed at the moment. Where nothing is under way either, what comes next is another matter.
   void note_rest();
@@ -74,7 +84,7 @@ class LinkLedger {
   /// A report came then, with or without news.
   void note_report(base::TimeUs now_us);
 
-  /// Frames with tiles that are neither confirmed nor lost.
+  /// Frames that are neither confirmed nor lost.
   [[nodiscard]] std::uint32_t under_way_frames() const { return under_way_; }
   /// How long a frame may stay unconfirmed.
   [[nodiscard]] base::TimeUs patience_us() const;
@@ -82,13 +92,11 @@ class LinkLedger {
   [[nodiscard]] std::uint32_t loss_q16() const { return loss_q16_; }
 
  private:
-  /// kNameless: under way, and another in the ring has its tag. kRepeated: for all that is known under way, and its cells
-  /// go again.
-  enum class State : std::uint8_t { kUnderWay, kNameless, kConfirmed, kRepeated, kLost };
+  /// kRepeated: for all that is known under way, and its cells go again.
+  enum class State : std::uint8_t { kUnderWay, kConfirmed, kRepeated, kLost };
   struct Frame {
     base::TimeUs through_us;
     std::uint32_t first_tile;  ///< place in tiles_, modulo kFrameTiles
-    std::uint16_t tag;
     std::uint8_t tile_count;
     State state;
   };
@@ -100,6 +108,7 @@ class LinkLedger {
   [[nodiscard]] const Frame& frame(std::uint32_t number) const { return frames_[number % kFrames]; }
   void resolve(std::uint32_t number, State state);
   [[nodiscard]] std::uint32_t cells_of(std::uint32_t number) const;
+  [[nodiscard]] bool find(std::uint16_t number16, std::uint32_t& number) const;
   [[nodiscard]] bool may_repeat(std::uint32_t number) const;
   [[nodiscard]] base::TimeUs named_us() const;
   [[nodiscard]] base::TimeUs silence_us(std::uint32_t number, bool idle) const;
@@ -116,6 +125,7 @@ class LinkLedger {
   std::uint32_t end_ = 0;    ///< behind the newest
   std::uint32_t tiles_end_ = 0;
   std::uint32_t newest_confirmed_ = 0;  ///< + 1; first_ where there is none
+  std::uint32_t answered_ = 0;          ///< what is older and was not named was lost
   std::uint32_t under_way_ = 0;
   // Tiles being told by next_...().
   std::uint32_t telling_ = 0;  ///< place in tiles_
@@ -126,8 +136,8 @@ class LinkLedger {
   base::TimeUs report_gap_us_ = 0;  ///< between two reports while frames are under way
   base::TimeUs waiting_since_us_ = 0;
   base::TimeUs last_report_us_ = 0;
-  bool waiting_ = false;  ///< frames with tiles left since the last report, or were under way then
-  int timeouts_ = 0;      ///< in a row
+  bool waiting_ = false;            ///< frames left since the last report, or were under way then
+  int timeouts_ = 0;                ///< in a row
   base::TimeUs busy_since_us_ = 0;  ///< since there was nothing under way
   // Since note_rest(); halved where they grow large.
   std::uint32_t sent_cells_ = 0;
@@ -137,6 +147,8 @@ class LinkLedger {
   std::uint32_t loss_q16_ = 0;
   std::uint32_t long_loss_q16_ = 0;  ///< over more frames
   base::TimeUs next_loss_us_ = INT64_MAX;
+  base::TimeUs question_due_us_ = 0;
+  unsigned unanswered_ = 0;  ///< questions
   bool heard_ = false;
   bool loses_ = false;  ///< a report told of a loss
 };

@@ -36,7 +36,6 @@ void LinkMap::reset(TileId tile_count) {
     missed_[tile] = false;
     epochs_[tile] = 0;
     versions_[tile] = 0;
-    generations_[tile] = 0;
     known_cells_[tile] = 0;
   }
 }
@@ -95,7 +94,6 @@ int LinkMap::sent(TileId tile, const TileCells& present, const CellMask& taken) 
   hash32_[tile] = proto::fold_hash(proto::tile_hash(told));
   known_cells_[tile] = static_cast<std::uint16_t>(known);
   known_tiles_ += (known != 0 ? 1U : 0U) - (known_before != 0 ? 1U : 0U);
-  ++generations_[tile];
   return changed;
 }
 

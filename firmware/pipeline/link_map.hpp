@@ -21,7 +21,7 @@ using TileCells = std::array<proto::CodedCell, proto::kTileArea_cells>;
 /// What a whole tile usually takes of a frame.
 inline constexpr std::size_t kTypicalTile_bytes = 96;
 
-/// 4 bytes a column and 49 a tile. Static storage, not thread-safe.
+/// 4 bytes a column and 45 a tile. Static storage, not thread-safe.
 class LinkMap {
  public:
   LinkMap() = default;
@@ -65,10 +65,6 @@ class LinkMap {
   [[nodiscard]] bool owe_missed(model::TileId tile);
   /// hash32 of the tile as last queued.
   [[nodiscard]] std::uint32_t hash32(model::TileId tile) const { return hash32_[tile]; }
-  /// Counts the deltas of the tile: the number of the next.
-  [[nodiscard]] std::uint32_t next_generation(model::TileId tile) const {
-    return generations_[tile] + 1;
-  }
   /// proto/cell.hpp's hash over all tiles. O(grid).
   [[nodiscard]] std::uint64_t hash() const;
   /// Tiles with a known cell.
@@ -77,7 +73,6 @@ class LinkMap {
  private:
   std::array<proto::CodedCell, model::kColumnCapacity> cells_{};
   std::array<proto::CellMask, model::kTileCapacity> forced_{};
-  std::array<std::uint32_t, model::kTileCapacity> generations_{};
   std::array<std::uint32_t, model::kTileCapacity> hash32_{};
   std::array<std::uint16_t, model::kTileCapacity> under_way_{};  ///< frames
   std::array<std::uint8_t, model::kTileCapacity> epochs_{};

@@ -337,6 +337,7 @@ void Vehicle::cycle(const CycleInput& input, CycleOutput& output) {
   send_slice();
   send_coarse();
   send_deltas();
+  send_question();
   output.downlink = OutputSpan{downlink_.data(), downlink_.size_bytes()};
   output.wish_us = ledger_.heard() && unsent_.size() == 0 && ledger_.next_loss_us() != INT64_MAX
                        ? max_of(ledger_.next_loss_us() - link_us_, base::TimeUs{1})

@@ -332,6 +332,7 @@ class Vehicle {
   void resend(const proto::ResendRequest& request);
   void owe(model::TileId tile);
   void take_report(const proto::Report& report, base::TimeUs came_us);
+  void take_came(std::uint16_t number16, base::TimeUs came_us);
   void take_look(const proto::Look& look);
   void take_command_event(const InputChunk& chunk, bool& carried_out);
   void note_unkeyed_command();
@@ -393,6 +394,7 @@ class Vehicle {
   void send_texts();
   void send_coarse();
   void send_deltas();
+  void send_question();
   [[nodiscard]] std::uint32_t max_age_ticks() const;
   [[nodiscard]] bool fill_packet(proto::TilePacketEncoder& packet, model::TileId tile,
                                  std::size_t& tile_count);

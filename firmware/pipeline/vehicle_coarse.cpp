@@ -42,7 +42,7 @@ void Vehicle::send_coarse() {
   proto::TilePacketEncoder packet(payload_.data(), downlink_.free_payload_bytes(), survey_tag_,
                                   proto::TileScale::kCoarse);
   proto::CellMask taken{};
-  const proto::TileUpdate update = coarse_.update();
+  const proto::TileUpdate update = coarse_.update(ledger_.next_number());
   if (!packet.add(update, taken).ok()) {
     return;
   }

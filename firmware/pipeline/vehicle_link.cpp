@@ -180,7 +180,7 @@ void Vehicle::owe(TileId tile) {
 }
 
 void Vehicle::restart_link() {
-  ledger_.reset(first_patience_us());
+  ledger_.reset(first_patience_us(), ledger_.next_number());
   coarse_.reset(model_.grid().tile_count());
   digest_asked_ = proto::TileRange{};
   watch_.digest_gap_us = kFirstHelloGap_us;
@@ -217,20 +217,13 @@ void Vehicle::take_report(const proto::Report& report, TimeUs came_us) {
   ++counters_.reports;
   const bool news = !ledger_.heard();
   ledger_.note_report(came_us);
-  for (int i = 0; i < report.frame_count; ++i) {
-    const LinkLedger::Word word = ledger_.confirm(report.frame_tags[i], came_us);
-    FrameTile came{};
-    while (ledger_.next_confirmed(came)) {
-      if (came.coarse) {
-        continue;
-      }
-      if (word == LinkLedger::Word::kCame) {
-        link_map_.confirm(came.tile, came.epoch);
-      }
-      if (link_map_.came(came.tile, came.epoch, came.version, came.cells)) {
-        ledger_.cover(came);
-      }
+  for (std::uint32_t i = 0; i < 8U * report.mask_bytes; ++i) {
+    if (report.came(i)) {
+      take_came(static_cast<std::uint16_t>(report.newest - i), came_us);
     }
+  }
+  if (report.asked) {
+    ledger_.answered(report.newest);
   }
   if (!news) {
     return;
@@ -241,6 +234,23 @@ void Vehicle::take_report(const proto::Report& report, TimeUs came_us) {
     if (link_map_.owe_missed(tile)) {
       coarse_.forget(tile);
       unsent_.add(tile, TileSet::kMaxWeight, tick_);
+    }
+  }
+}
+
+// A frame of cells came.
+void Vehicle::take_came(std::uint16_t number16, TimeUs came_us) {
+  const LinkLedger::Word word = ledger_.confirm(number16, came_us);
+  FrameTile came{};
+  while (ledger_.next_confirmed(came)) {
+    if (came.coarse) {
+      continue;
+    }
+    if (word == LinkLedger::Word::kCame) {
+      link_map_.confirm(came.tile, came.epoch);
+    }
+    if (link_map_.came(came.tile, came.epoch, came.version, came.cells)) {
+      ledger_.cover(came);
     }
   }
 }
@@ -289,7 +299,7 @@ void Vehicle::answer_hello_request() {
 
 // A frame of `payload_`. What finds no room goes before tile deltas in the cycles to come.
 bool Vehicle::put(const base::Result<std::size_t>& payload_bytes) {
-  const bool done = payload_bytes.ok() && put_frame(payload_bytes.value(), 0);
+  const bool done = payload_bytes.ok() && downlink_.put(payload_.data(), payload_bytes.value());
   frame_waits_ = frame_waits_ || !done;
   return done;
 }
@@ -304,7 +314,7 @@ TimeUs Vehicle::first_patience_us() const {
   return kFirstPatience_us + line_time_us(2 * downlink_.longest_frame_bytes());
 }
 
-// The frame of `payload_`, noted with its tiles: the first of frame_tiles_. Their cells are under way.
+// The frame of cells in `payload_`, noted with its tiles: the first of frame_tiles_. Their cells are under way.
 bool Vehicle::put_frame(std::size_t payload_bytes, std::size_t tile_count) {
   if (!downlink_.put(payload_.data(), payload_bytes)) {
     return false;
@@ -319,8 +329,7 @@ bool Vehicle::put_frame(std::size_t payload_bytes, std::size_t tile_count) {
       }
     }
   }
-  ledger_.sent(proto::frame_tag(payload_.data(), payload_bytes), frame_tiles_.data(), tile_count,
-               link_us_ + line_time_us(downlink_.backlog_bytes()));
+  ledger_.sent(frame_tiles_.data(), tile_count, link_us_ + line_time_us(downlink_.backlog_bytes()));
   for (std::size_t i = 0; i < tile_count; ++i) {
     if (!frame_tiles_[i].coarse) {
       link_map_.note_under_way(frame_tiles_[i].tile);
@@ -757,13 +766,26 @@ void Vehicle::send_deltas() {
   }
 }
 
+// Nothing is left to send, and of some of it nobody knows whether it came: a word about that is cheaper than its cells
+// once more.
+void Vehicle::send_question() {
+  if (frame_waits_ || unsent_.size() > 0 || !ledger_.question_due(link_us_)) {
+    return;
+  }
+  const proto::Question question{survey_tag_,
+                                 static_cast<std::uint16_t>(ledger_.next_number() - 1)};
+  if (put(proto::encode_question(question, payload_.data(), payload_.size()))) {
+    ledger_.asked(link_us_ + line_time_us(downlink_.backlog_bytes()));
+  }
+}
+
 // Fills a packet from the unsent tiles, `tile` first; false when they are used up.
 bool Vehicle::fill_packet(proto::TilePacketEncoder& packet, TileId tile, std::size_t& tile_count) {
   const auto favoured = [this](TileId other) { return favour(other); };
   TileCells present;
   do {
     link_map_.present(model_, tile, present);
-    const proto::TileUpdate update{tile, link_map_.next_generation(tile), present.data(),
+    const proto::TileUpdate update{tile, ledger_.next_number(), present.data(),
                                    link_map_.owed(tile, present)};
     const int owed = update.changed.count();
     if (owed == 0) {

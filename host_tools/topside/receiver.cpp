@@ -135,9 +135,7 @@ void Receiver::take(const proto::FrameView& frame) {
   if (type < proto::MessageType::kResendRequest) {
     counters_.link_bytes += wire_bytes_;
     question_.wanted = question_.wanted || counters_.hellos == 0;
-    const bool news =
-        type == proto::MessageType::kTileDelta || type == proto::MessageType::kCoarseDelta;
-    planner_.note_frame(proto::frame_tag(frame.payload, frame.payload_bytes), wire_bytes_, news);
+    planner_.note_bytes(wire_bytes_);
   }
   switch (type) {
     case proto::MessageType::kHello:
@@ -160,6 +158,9 @@ void Receiver::take(const proto::FrameView& frame) {
       break;
     case proto::MessageType::kDigest:
       take_digest(frame);
+      break;
+    case proto::MessageType::kQuestion:
+      take_question(frame);
       break;
     case proto::MessageType::kCommandAnswer:
     case proto::MessageType::kSlice:
@@ -318,7 +319,9 @@ void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
     return;
   }
   proto::TileDelta delta;
+  std::uint32_t number = 0;
   while (packet.next(delta)) {
+    number = delta.generation;
     const DeltaOutcome outcome = store_->apply(delta);
     coarse_.settle(delta.tile, *store_);
     counters_.deltas += 1;
@@ -327,7 +330,11 @@ void Receiver::take_delta(const std::uint8_t* payload, std::size_t size_bytes,
     counters_.repeated_cells += static_cast<std::uint64_t>(outcome.repeated_cells);
     counters_.outside_grid += outcome.outside ? 1U : 0U;
   }
-  counters_.malformed += packet.status() == base::Status::kOk ? 0U : 1U;
+  if (packet.status() == base::Status::kOk) {
+    planner_.note_cells(number, wire_bytes);
+  } else {
+    counters_.malformed += 1;
+  }
   counters_.delta_bytes += wire_bytes;
 }
 
@@ -342,11 +349,28 @@ void Receiver::take_coarse(const std::uint8_t* payload, std::size_t size_bytes,
     return;
   }
   proto::TileDelta coarse;
+  std::uint32_t number = 0;
   while (packet.next(coarse)) {
+    number = coarse.generation;
     counters_.coarse_deltas += 1;
     counters_.outside_grid += coarse_.apply(coarse, *store_) ? 0U : 1U;
   }
-  counters_.malformed += packet.status() == base::Status::kOk ? 0U : 1U;
+  if (packet.status() == base::Status::kOk) {
+    planner_.note_cells(number, wire_bytes);
+  } else {
+    counters_.malformed += 1;
+  }
+}
+
+void Receiver::take_question(const proto::FrameView& frame) {
+  const auto question = proto::decode_question(frame.payload, frame.payload_bytes);
+  if (!question.ok()) {
+    counters_.malformed += 1;
+  } else if (!store_ || question.value().survey_tag != store_->tag()) {
+    counters_.other_surveys += store_ ? 1U : 0U;
+  } else {
+    planner_.note_question(question.value());
+  }
 }
 
 void Receiver::take_status(const proto::FrameView& frame) {

@@ -116,6 +116,7 @@ class Receiver {
   void take_hello(const proto::FrameView& frame);
   void take_delta(const std::uint8_t* payload, std::size_t size_bytes, std::size_t wire_bytes);
   void take_coarse(const std::uint8_t* payload, std::size_t size_bytes, std::size_t wire_bytes);
+  void take_question(const proto::FrameView& frame);
   void take_status(const proto::FrameView& frame);
   void take_brief(const proto::FrameView& frame);
   void compare_sent(bool first);

@@ -8,21 +8,24 @@
 namespace leadline::host {
 namespace {
 
-// Bytes up for bytes that came down, doubles not counted: 1 in 14 of those sent where 3 of 10 are lost; while nothing
-// comes and something is missing a few more. The first are on credit.
-constexpr double kShare = 0.1;
-constexpr double kPausedShare = 0.115;
-// And this share of what the link could carry meanwhile, so that few frames do not silence it.
+// Bytes up for bytes that were sent down; while nothing comes and something is missing, this share of what the link
+// could carry meanwhile, up to a report. The first are on credit.
+constexpr double kShare = 0.085;
+constexpr double kMostSentOfCame = 1.7;
 constexpr double kTimeShare = 0.01;
-constexpr double kMostTimed_bytes = 40.0;
-constexpr double kLately_s = 60.0;
-constexpr double kFirst_bytes = 26.0;
+constexpr double kReport_bytes = 15.0;
 constexpr double kMost_bytes = 256.0;
-constexpr double kRich_bytes = 64.0;
+constexpr double kRich_bytes = 40.0;
 constexpr double kMostDebt_bytes = 32.0;
+constexpr double kAnswerDebt_bytes = 16.0;
+constexpr double kPausedDebt_bytes = 0.0;
 // A report may be lost itself: every frame stands in so many.
 constexpr int kReports = 4;
-constexpr int kFramesPerReport = 3;
+constexpr int kFramesPerReport = 2;
+constexpr std::size_t kMostHeard = 256;
+constexpr std::int32_t kLongPast = 4096;
+// An answer reaches back so far at least.
+constexpr std::uint32_t kAnswerReach = 32;
 // Between two frames with news, before that was measured: what such a frame takes.
 constexpr double kTypicalNews_bytes = 160.0;
 constexpr base::TimeUs kLeastGap_us = 2'500;
@@ -36,8 +39,6 @@ constexpr std::uint32_t kFewTiles = 8;
 constexpr base::TimeUs kLookAgain_us = 20'000'000;
 // A frame around a payload of at most 253 bytes.
 constexpr double kFraming_bytes = 7.0;
-constexpr double kReportHeader_bytes = 4.0;
-constexpr double kLeastReported = 4.0;
 
 std::uint32_t own_hash(const TileStore& store, std::uint32_t first, std::uint32_t count) {
   if (count == 1) {
@@ -61,23 +62,35 @@ void UplinkPlanner::restart() {
   joined_ = false;
   begun_us_ = 0;
   agreed_ = false;
+  heard_.clear();
+  news_since_report_ = 0;
+  asked_.reset();
   look_.reset();
 }
 
-void UplinkPlanner::note_frame(std::uint16_t tag, std::size_t wire_bytes, bool news) {
-  const bool repeated = std::any_of(heard_.begin(), heard_.end(),
-                                    [tag](const Heard& each) { return each.tag == tag; });
-  if (repeated) {
+// Numbers modulo 2^32: those that are newer or not long past belong to the same row.
+void UplinkPlanner::note_cells(std::uint32_t number, std::size_t wire_bytes) {
+  const auto ahead = static_cast<std::int32_t>(number - newest_);
+  if (heard_.empty() || ahead > 0 || ahead < -kLongPast) {
+    if (ahead < -kLongPast) {
+      heard_.clear();  // the vehicle counts anew
+    }
+    newest_ = number;
+  }
+  if (std::any_of(heard_.begin(), heard_.end(),
+                  [number](const Heard& each) { return each.number == number; })) {
+    payable_bytes_ -= kShare * sent_of_came() * static_cast<double>(wire_bytes);
     return;
   }
-  came_bytes_ += static_cast<double>(wire_bytes);
-  heard_.push_back({tag, kReports, news});
-  while (heard_.size() > proto::kMaxReportFrames) {
+  heard_.push_back({number, kReports});
+  while (heard_.size() > kMostHeard) {
     heard_.pop_front();
   }
-  news_since_report_ += news ? 1 : 0;
-  news_count_ += news ? 1U : 0U;
+  news_since_report_ += 1;
+  news_count_ += 1;
 }
+
+void UplinkPlanner::note_question(const proto::Question& question) { asked_ = question.newest; }
 
 void UplinkPlanner::note_digest(const proto::Digest& digest, const TileStore& store) {
   const std::uint32_t tiles = store.tile_count();
@@ -130,35 +143,42 @@ void UplinkPlanner::look(std::uint32_t tile, std::uint8_t radius_tiles) {
 
 std::vector<std::uint8_t> UplinkPlanner::paid(const std::uint8_t* payload,
                                               const base::Result<std::size_t>& size,
-                                              double payable_bytes) {
+                                              double debt_bytes) {
   if (!size.ok()) {
     return {};
   }
   const double cost = static_cast<double>(size.value()) + kFraming_bytes;
-  if (payable_bytes < cost) {
+  if (payable_bytes_ + debt_bytes < cost) {
     return {};
   }
-  spent_bytes_ += cost;
+  payable_bytes_ -= cost;
   sent_bytes_ += size.value();
   return {payload, payload + size.value()};
 }
 
-double UplinkPlanner::payable_bytes(double share) const {
-  return std::min(std::max(share * came_bytes_, kFirst_bytes) + timed_bytes_ - spent_bytes_,
-                  kMost_bytes);
+// Bytes that were lost were sent, too: of the last frames' numbers some are missing.
+double UplinkPlanner::sent_of_came() const {
+  std::uint32_t span = 1;
+  for (const Heard& each : heard_) {
+    span = std::max(span, newest_ - each.number + 1);
+  }
+  constexpr double kFew = 8.0;
+  return std::min((span + kFew) / (static_cast<double>(heard_.size()) + kFew), kMostSentOfCame);
 }
 
+void UplinkPlanner::note_bytes(std::size_t wire_bytes) {
+  payable_bytes_ = std::min(
+      payable_bytes_ + kShare * sent_of_came() * static_cast<double>(wire_bytes), kMost_bytes);
+}
+
+// Where nothing comes, a report now and then.
 void UplinkPlanner::earn(base::TimeUs now_us, const TileStore& store, bool unfinished) {
   const double seconds = earned_us_ == 0 ? 0.0 : 1e-6 * static_cast<double>(now_us - earned_us_);
-  const double kept = std::max(0.0, 1.0 - seconds / kLately_s);
-  came_bytes_ *= kept;
-  spent_bytes_ *= kept;
-  timed_bytes_ *= kept;
-  if (unfinished) {
-    const double rate_bytes_s = static_cast<double>(store.hello().link_rate_bytes_s);
-    timed_bytes_ = std::min(timed_bytes_ + kTimeShare * rate_bytes_s * seconds, kMostTimed_bytes);
-  }
   earned_us_ = now_us;
+  if (unfinished && payable_bytes_ < kReport_bytes) {
+    const double rate_bytes_s = static_cast<double>(store.hello().link_rate_bytes_s);
+    payable_bytes_ = std::min(payable_bytes_ + kTimeShare * rate_bytes_s * seconds, kReport_bytes);
+  }
 }
 
 // Newest first; what stood in enough reports is dropped.
@@ -175,56 +195,58 @@ std::vector<std::uint8_t> UplinkPlanner::report(base::TimeUs now_us, const TileS
     news_seen_ = news_count_;
     news_us_ = now_us;
   }
-  const bool owed = std::any_of(heard_.begin(), heard_.end(), [](const Heard& each) {
-    return each.news && each.reports_left > 0;
-  });
+  const bool owed = std::any_of(heard_.begin(), heard_.end(),
+                                [](const Heard& each) { return each.reports_left > 0; });
   const auto typical_us = static_cast<base::TimeUs>(1e6 * kTypicalNews_bytes /
                                                     std::max(1U, store.hello().link_rate_bytes_s));
   const base::TimeUs gap_us = news_gap_us_ == 0 ? std::min(typical_us, kMostGap_us) : news_gap_us_;
   const base::TimeUs pause_us = std::max(gap_us + gap_us / 2, 2 * kLeastGap_us);
   const bool paused = now_us - news_us_ > pause_us && now_us - reported_us_ > pause_us;
-  const double payable = payable_bytes(paused && unfinished ? kPausedShare : kShare);
   const base::TimeUs alive_us = unfinished ? std::max(pause_us, kAskAgain_us) : kKeepAlive_us;
   const bool silent = now_us - reported_us_ > alive_us;
   // A few frames in a report: its own frame costs as much as six more names.
-  const bool enough =
-      news_since_report_ >= kFramesPerReport ||
-      (news_since_report_ > 0 && (now_us - reported_us_ > pause_us || payable > kRich_bytes));
+  const bool enough = news_since_report_ >= kFramesPerReport ||
+                      (news_since_report_ > 0 &&
+                       (now_us - reported_us_ > pause_us || payable_bytes_ > kRich_bytes));
   // Who joins says so with the first frames that it can name, or where none come.
   begun_us_ = begun_us_ == 0 ? now_us : begun_us_;
   const bool joins = !joined_ && (news_since_report_ > 0 || now_us - begun_us_ > kAskAgain_us);
-  if (!joins && !(joined_ && (enough || (owed && paused) || silent))) {
+  if (!joins && !asked_ && !(joined_ && (enough || (owed && paused) || silent))) {
     return {};
   }
   proto::Report report{};
   report.survey_tag = store.tag();
-  // As many as can be paid for, and all that no report has named yet: what is left out counts as lost.
-  const auto fresh =
-      static_cast<double>(std::count_if(heard_.begin(), heard_.end(), [](const Heard& each) {
-        return each.reports_left == kReports;
-      }));
-  const double names = (payable - kFraming_bytes - kReportHeader_bytes) / 2.0;
-  const int most = static_cast<int>(std::clamp(std::max(names, fresh), kLeastReported,
-                                               static_cast<double>(proto::kMaxReportFrames)));
-  for (auto each = heard_.rbegin(); each != heard_.rend(); ++each) {
-    if (each->reports_left > 0 && report.frame_count < most) {
-      report.frame_tags[report.frame_count] = each->tag;
-      report.frame_count += 1;
+  report.asked = asked_.has_value();
+  std::uint32_t newest = newest_;
+  if (asked_) {
+    const auto behind = static_cast<std::uint16_t>(*asked_ - newest_);
+    newest += heard_.empty() || behind < kLongPast ? behind : 0U;
+  }
+  report.newest = static_cast<std::uint16_t>(newest);
+  // Back to the oldest that has not stood in enough reports.
+  for (const Heard& each : heard_) {
+    const std::uint32_t before = newest - each.number;
+    if (before >= 8U * proto::kMaxReportMask_bytes) {
+      continue;
+    }
+    const std::uint32_t at = before / 8;
+    report.mask[at] = static_cast<std::uint8_t>(report.mask[at] | 1U << (before % 8));
+    if (each.reports_left > 0 || (report.asked && before < kAnswerReach)) {
+      report.mask_bytes =
+          static_cast<std::uint8_t>(std::max<std::uint32_t>(report.mask_bytes, at + 1));
     }
   }
   std::uint8_t payload[proto::kMaxReport_bytes];
   std::vector<std::uint8_t> bytes =
-      paid(payload, encode_report(report, payload, sizeof payload), payable);
+      paid(payload, encode_report(report, payload, sizeof payload),
+           asked_ ? kAnswerDebt_bytes : (paused ? kPausedDebt_bytes : 0.0));
   if (bytes.empty()) {
     return bytes;
   }
-  int told = report.frame_count;
-  for (auto each = heard_.rbegin(); each != heard_.rend() && told > 0; ++each) {
-    if (each->reports_left > 0) {
-      each->reports_left -= 1;
-      told -= 1;
-    }
+  for (Heard& each : heard_) {
+    each.reports_left -= each.reports_left > 0 ? 1 : 0;
   }
+  asked_.reset();
   news_since_report_ = 0;
   joined_ = true;
   reported_us_ = now_us;
@@ -252,8 +274,7 @@ std::vector<std::uint8_t> UplinkPlanner::wanted_tiles(const TileStore& store) {
   }
   std::uint8_t payload[proto::kMaxResendRequest_bytes];
   std::vector<std::uint8_t> bytes =
-      paid(payload, encode_resend_request(request, payload, sizeof payload),
-           payable_bytes(kShare) + kMost_bytes);
+      paid(payload, encode_resend_request(request, payload, sizeof payload), kMost_bytes);
   if (!bytes.empty()) {
     wanted_.erase(wanted_.begin(), last);
   }
@@ -276,7 +297,7 @@ std::vector<std::uint8_t> UplinkPlanner::finer_digest(base::TimeUs now_us, const
   std::vector<std::uint8_t> bytes =
       paid(payload,
            proto::encode_digest_request({store.tag(), differing_.front()}, payload, sizeof payload),
-           payable_bytes(kShare) + kMostDebt_bytes);
+           kMostDebt_bytes);
   if (!bytes.empty()) {
     asked_digest_us_ = now_us;
     digest_tries_ += 1;
@@ -297,8 +318,8 @@ std::vector<std::uint8_t> UplinkPlanner::unseen_tiles(base::TimeUs now_us, const
     ask_gap_us_ = kFirstAsk_us;
     ask_unseen_us_ = now_us + ask_gap_us_;
   }
-  const bool comes_by_itself = status->tiles_dirty >= status->tiles_known - store.known_tiles();
-  const base::TimeUs patience_us = comes_by_itself ? kMostAsk_us : 0;
+  const bool comes_by_itself = 4 * status->tiles_dirty >= status->tiles_known - store.known_tiles();
+  const base::TimeUs patience_us = comes_by_itself ? kMostAsk_us : 8 * news_gap_us_;
   if ((first && comes_by_itself) || (!first && now_us < ask_unseen_us_ + patience_us)) {
     return {};
   }
@@ -308,8 +329,7 @@ std::vector<std::uint8_t> UplinkPlanner::unseen_tiles(base::TimeUs now_us, const
   }
   std::uint8_t payload[proto::kMaxResendRequest_bytes];
   std::vector<std::uint8_t> bytes =
-      paid(payload, encode_resend_request(request, payload, sizeof payload),
-           payable_bytes(kShare) + kMostDebt_bytes);
+      paid(payload, encode_resend_request(request, payload, sizeof payload), kMostDebt_bytes);
   if (!bytes.empty()) {
     known_tiles_ = store.known_tiles();
     ask_gap_us_ = first ? kFirstAsk_us : std::min(2 * ask_gap_us_, kMostAsk_us);
@@ -325,7 +345,7 @@ std::vector<std::uint8_t> UplinkPlanner::look_again(base::TimeUs now_us, const T
   look_->survey_tag = store.tag();
   std::uint8_t payload[proto::kMaxLook_bytes];
   std::vector<std::uint8_t> bytes =
-      paid(payload, encode_look(*look_, payload, sizeof payload), payable_bytes(kShare));
+      paid(payload, encode_look(*look_, payload, sizeof payload), 0.0);
   if (!bytes.empty()) {
     look_us_ = now_us;
     if (look_->radius_tiles == 0) {

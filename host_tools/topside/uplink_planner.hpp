@@ -20,9 +20,12 @@ class UplinkPlanner {
   /// Another map begins: what was heard stays to be reported, what was wanted is forgotten.
   void restart();
 
-  /// A whole frame of the downlink came, `wire_bytes` long. `news`: it carried map, and deserves an answer
-  /// soon.
-  void note_frame(std::uint16_t tag, std::size_t wire_bytes, bool news);
+  /// A whole frame of the downlink came, `wire_bytes` long.
+  void note_bytes(std::size_t wire_bytes);
+  /// It was one of cells: its number is to be reported.
+  void note_cells(std::uint32_t number, std::size_t wire_bytes);
+  /// The vehicle waits for a report.
+  void note_question(const proto::Question& question);
   /// The vehicle's hashes beside those of `store`: remembers where they differ.
   void note_digest(const proto::Digest& digest, const TileStore& store);
   /// The topside looks at these tiles: said now and again.
@@ -40,16 +43,15 @@ class UplinkPlanner {
 
  private:
   struct Heard {
-    std::uint16_t tag;
+    std::uint32_t number;
     int reports_left;
-    bool news;
   };
 
   [[nodiscard]] std::vector<std::uint8_t> paid(const std::uint8_t* payload,
                                                const base::Result<std::size_t>& size,
-                                               double payable_bytes);
+                                               double debt_bytes);
   void earn(base::TimeUs now_us, const TileStore& store, bool unfinished);
-  [[nodiscard]] double payable_bytes(double share) const;
+  [[nodiscard]] double sent_of_came() const;
   [[nodiscard]] std::vector<std::uint8_t> report(base::TimeUs now_us, const TileStore& store,
                                                  bool unfinished);
   [[nodiscard]] std::vector<std::uint8_t> wanted_tiles(const TileStore& store);
@@ -58,10 +60,12 @@ class UplinkPlanner {
                                                        const std::optional<proto::Status>& status);
   [[nodiscard]] std::vector<std::uint8_t> look_again(base::TimeUs now_us, const TileStore& store);
 
-  std::deque<Heard> heard_;    ///< oldest first
-  int news_since_report_ = 0;  ///< frames that carried map
-  bool joined_ = false;        ///< the vehicle has been told that somebody listens
-  base::TimeUs begun_us_ = 0;  ///< of the map
+  std::deque<Heard> heard_;             ///< as they came
+  std::uint32_t newest_ = 0;            ///< of heard_
+  std::optional<std::uint16_t> asked_;  ///< by the vehicle since the last report: its newest number
+  int news_since_report_ = 0;           ///< frames that carried map
+  bool joined_ = false;                 ///< the vehicle has been told that somebody listens
+  base::TimeUs begun_us_ = 0;           ///< of the map
   std::uint64_t sent_bytes_ = 0;
   // Rhythm of what comes, to know when it pauses.
   std::size_t news_count_ = 0;
@@ -78,10 +82,8 @@ class UplinkPlanner {
   base::TimeUs ask_gap_us_ = 0;
   std::optional<proto::Look> look_;
   base::TimeUs look_us_ = 0;
-  double timed_bytes_ = 0.0;  ///< earned by waiting, lately
+  double payable_bytes_ = 26.0;
   base::TimeUs earned_us_ = 0;
-  double came_bytes_ = 0.0;   ///< lately
-  double spent_bytes_ = 0.0;  ///< lately
   bool agreed_ = false;
 };
 

@@ -10,7 +10,7 @@ local leadline = Proto("leadline", "Leadline link")
 
 local types = {
   [0x01] = "hello", [0x02] = "tile delta", [0x03] = "status", [0x04] = "text", [0x05] = "brief",
-  [0x06] = "digest", [0x07] = "command answer", [0x08] = "slice", [0x09] = "coarse delta", [0x40] = "resend request", [0x41] = "hello request", [0x42] = "report",
+  [0x06] = "digest", [0x07] = "command answer", [0x08] = "slice", [0x09] = "coarse delta", [0x0A] = "question", [0x40] = "resend request", [0x41] = "hello request", [0x42] = "report",
   [0x43] = "digest request", [0x44] = "look", [0x45] = "command",
 }
 local kinds = {
@@ -26,7 +26,6 @@ local severities = { [0] = "information", [1] = "warning", [2] = "error" }
 local f = {
   frame_crc = ProtoField.uint32("leadline.crc", "CRC-32C", base.HEX),
   crc_good = ProtoField.bool("leadline.crc_good", "CRC is right"),
-  frame_tag = ProtoField.uint16("leadline.frame_tag", "Frame tag", base.HEX),
   type = ProtoField.uint8("leadline.type", "Type", base.HEX, types),
   tag = ProtoField.uint16("leadline.survey_tag", "Survey tag", base.HEX),
   major = ProtoField.uint8("leadline.hello.major", "Major"),
@@ -68,7 +67,10 @@ local f = {
   count = ProtoField.uint32("leadline.count", "Tiles"),
   log2 = ProtoField.uint8("leadline.digest.tiles_log2", "Tiles of a hash, log2"),
   digest_hash = ProtoField.uint32("leadline.digest.hash", "Hash", base.HEX),
-  heard = ProtoField.uint16("leadline.report.frame_tag", "Frame that came", base.HEX),
+  asked = ProtoField.bool("leadline.report.asked", "Answers a question", 8, nil, 0x80),
+  mask_bytes = ProtoField.uint8("leadline.report.mask_bytes", "Bytes of the mask", base.DEC, nil, 0x7F),
+  newest = ProtoField.uint16("leadline.newest", "Newest frame"),
+  came = ProtoField.uint16("leadline.report.came", "Frame that came"),
   radius = ProtoField.uint8("leadline.look.radius_tiles", "Radius, tiles"),
   key_id = ProtoField.uint32("leadline.command.key_id", "Key", base.HEX),
   vehicle = ProtoField.uint16("leadline.command.vehicle", "Vehicle"),
@@ -264,8 +266,8 @@ local function dissect_cells(read, tree, coarse)
     if range == nil then return end
     tile = tile + unzigzag(code)
     local part = tree:add(f.tile, range, tile)
+    read:add_varint(part, f.generation)
     if not coarse then
-      read:add_varint(part, f.generation)
       read:add(part, f.hash32, 4)
     end
     local less = read:take(1)
@@ -369,9 +371,30 @@ end
 
 dissect[0x42] = function(read, tree)
   read:add(tree, f.tag, 2)
-  local count = read:take(1)
-  for _ = 1, count and count:uint() or 0 do read:add(tree, f.heard, 2) end
-  return string.format("%d frames came", count and count:uint() or 0)
+  local reach = read:take(1)
+  local newest = read:take(2)
+  if newest == nil then return end
+  tree:add(f.asked, reach)
+  tree:add(f.mask_bytes, reach)
+  tree:add_le(f.newest, newest)
+  local frames = 0
+  for at = 0, reach:uint() % 128 - 1 do
+    local byte = read:take(1)
+    if byte == nil then return end
+    for bit = 0, 7 do
+      if math.floor(byte:uint() / 2 ^ bit) % 2 == 1 then
+        tree:add(f.came, byte, (newest:le_uint() - 8 * at - bit) % 65536)
+        frames = frames + 1
+      end
+    end
+  end
+  return string.format("%d frames came%s", frames, reach:uint() >= 128 and ", asked" or "")
+end
+
+dissect[0x0A] = function(read, tree)
+  read:add(tree, f.tag, 2)
+  local newest = read:uint(tree, f.newest, 2)
+  return string.format("up to frame %s", newest)
 end
 
 dissect[0x43] = function(read, tree)
@@ -447,7 +470,6 @@ local function take_frame(body, root, words)
     words[#words + 1] = "damaged"
     return
   end
-  tree:add(f.frame_tag, crc % 65536):set_generated()
   if size == 0 then
     words[#words + 1] = "empty"
     return

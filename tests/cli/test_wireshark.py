@@ -69,7 +69,6 @@ class Dissector(unittest.TestCase):
     def one(self, payload):
         layer = self.dissect([frame(payload)])[0]
         self.assertEqual(layer["leadline.crc_good"], "1")
-        self.assertEqual(int(layer["leadline.frame_tag"], 16), crc32c(payload) & 0xFFFF)
         self.assertNotIn("_ws.expert", layer)
         return layer
 
@@ -115,6 +114,7 @@ class Dissector(unittest.TestCase):
         layer = self.one(as_bytes(fences("Coarse delta")[0]))
         self.assertEqual(int(layer["leadline.survey_tag"], 16), 0x1234)
         self.assertEqual(layer["leadline.tile"], "1")
+        self.assertIn("leadline.delta.generation", json.dumps(layer))
         self.assertNotIn("leadline.delta.hash32", json.dumps(layer))
         self.assertIn("leadline.delta.body", json.dumps(layer))
 
@@ -129,8 +129,10 @@ class Dissector(unittest.TestCase):
         self.assertEqual((layer["leadline.hello.major"], layer["leadline.hello.minor"]), ("1", "1"))
         self.one(hello[:1])  # as minor 0 asked
         report, digest, both = (as_lines(text) for text in texts[-6:-3])
-        tags = self.one(report[0])["leadline.report.frame_tag"]
-        self.assertEqual([int(tag, 16) for tag in tags], [0xA1B2, 3])
+        layer = self.one(report[0])
+        self.assertEqual((layer["leadline.report.asked"], layer["leadline.newest"]), ("1", str(0x203)))
+        self.assertEqual([int(each) for each in layer["leadline.report.came"]], [0x203, 0x201, 0x200, 0x1F4])
+        self.assertEqual(self.one(report[1])["leadline.newest"], str(0x203))
         hashes = self.one(digest[0])["leadline.digest.hash"]
         self.assertEqual([int(each, 16) for each in hashes], [0x01020304, 0xFFFFFFFE])
         layer = self.one(both[0])

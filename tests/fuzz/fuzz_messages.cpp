@@ -44,6 +44,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(!request.ok() || (data[0] == 0x41 && request.value().protocol_major == kProtocolMajor));
   check(decode_digest(data, size), data, size, encode_digest);
   check(decode_report(data, size), data, size, encode_report);
+  check(decode_question(data, size), data, size, encode_question);
   check(decode_digest_request(data, size), data, size, encode_digest_request);
   check(decode_look(data, size), data, size, encode_look);
   check(decode_log_header(data, size), data, size, encode_log_header);

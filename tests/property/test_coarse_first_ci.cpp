@@ -192,6 +192,19 @@ TEST(a_line_that_is_fast_enough_carries_no_coarse_cells) {
   assert_int_equal(vehicle.counters().coarse_deltas, 0);  // nor did the flight
 }
 
+/// Of a frame of cells.
+std::uint16_t number_of(const leadline::proto::FrameView& frame) {
+  const bool coarse = frame.payload[0] == static_cast<std::uint8_t>(MessageType::kCoarseDelta);
+  leadline::proto::TilePacketDecoder packet;
+  assert_int_equal(
+      packet.open(frame.payload, frame.payload_bytes,
+                  coarse ? leadline::proto::TileScale::kCoarse : leadline::proto::TileScale::kFine),
+      leadline::base::Status::kOk);
+  leadline::proto::TileDelta delta;
+  assert_true(packet.next(delta));
+  return static_cast<std::uint16_t>(delta.generation);
+}
+
 /// Cycles from the freeze on, in which frames of the kinds that `reports` tells come and are reported, until
 /// no tile waits. Returns the coarse packets.
 std::vector<std::vector<std::uint8_t>> listen(TimeUs t_us, bool (*reports)(std::uint8_t type)) {
@@ -216,11 +229,14 @@ std::vector<std::vector<std::uint8_t>> listen(TimeUs t_us, bool (*reports)(std::
       if (frame.payload[0] == static_cast<std::uint8_t>(MessageType::kCoarseDelta)) {
         coarse.emplace_back(frame.payload, frame.payload + frame.payload_bytes);
       }
-      if (reports(frame.payload[0])) {
+      const bool cells = frame.payload[0] == static_cast<std::uint8_t>(MessageType::kCoarseDelta) ||
+                         frame.payload[0] == static_cast<std::uint8_t>(MessageType::kTileDelta);
+      if (cells && reports(frame.payload[0])) {
         leadline::proto::Report report{};
         report.survey_tag = tag;
-        report.frame_count = 1;
-        report.frame_tags[0] = leadline::proto::frame_tag(frame.payload, frame.payload_bytes);
+        report.newest = number_of(frame);
+        report.mask_bytes = 1;
+        report.mask[0] = 1;
         std::uint8_t payload[64];
         const auto size = leadline::proto::encode_report(report, payload, sizeof payload);
         std::uint8_t framed[96];

@@ -50,7 +50,7 @@ TEST(a_coarse_delta_is_as_specified) {
   TileDelta delta;
   assert_true(packet.next(delta));
   assert_int_equal(delta.tile, 1);
-  assert_int_equal(delta.generation, 0);
+  assert_int_equal(delta.generation, 5);
   assert_int_equal(delta.hash32, 0);
   assert_int_equal(delta.cell_count, 128);
   assert_memory_equal(delta.cells, cells.data(), sizeof delta.cells);
@@ -71,7 +71,7 @@ TEST(neither_scale_is_taken_for_the_other) {
 // Cut anywhere it is refused, or is the packet of other cells (nearly any string is some packet: frames have a CRC).
 TEST(every_shorter_coarse_packet_is_refused_or_another) {
   const Bytes payload = coarse_packet(70'000, sample_tile(), all_cells());
-  constexpr std::size_t kHeaders_bytes = 4 + 3 + 1;
+  constexpr std::size_t kHeaders_bytes = 4 + 3 + 1 + 1;
   for (std::size_t size = 0; size < payload.size(); ++size) {
     TilePacketDecoder packet;
     const BaseStatus opened = packet.open(payload.data(), size, TileScale::kCoarse);
