@@ -26,6 +26,7 @@
 #include "host_tools/topside/live_output.hpp"
 #include "host_tools/topside/receive_command.hpp"
 #include "host_tools/topside/receiver.hpp"
+#include "host_tools/topside/silence_watch.hpp"
 
 namespace leadline::host {
 namespace {
@@ -36,8 +37,6 @@ using Clock = std::chrono::steady_clock;
 constexpr int kRound_ms = 20;
 constexpr double kStateEvery_s = 0.25;
 constexpr double kShowEvery_s = 0.5;
-// A slow link pauses for seconds; the page (words.js) and receive say so after the same time.
-constexpr double kSilent_s = 10.0;
 
 double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
@@ -179,8 +178,7 @@ class Monitor {
       listen(now);
     }
     for (const ReceiverNotice& notice : receiver_->take_notices()) {
-      say(severity_word(notice.severity) + printable(notice.text, 300));
-      state_.add_notice(notice, clock_s(now));
+      tell(notice, now);
     }
     // A map is sent only behind the state that describes it: that one does not wait.
     wanted_ = wanted_ || state_epoch_ != map_.epoch();
@@ -201,14 +199,16 @@ class Monitor {
   }
 
   [[nodiscard]] std::string status_line(double now) const {
-    const std::string viewers = ", " + std::to_string(server_->viewers()) + " viewers";
+    const std::size_t count = server_->viewers();
+    const std::string viewers =
+        ", " + std::to_string(count) + (count == 1 ? " viewer" : " viewers");
     if (stored_) {
       return "stored survey " + std::to_string(stored_->survey.number) + ", " +
              std::to_string(stored_->map->known_cells()) + " cells, " +
              std::to_string(stored_->map->known_tiles()) + " tiles" + viewers;
     }
-    const double silent_s = now - last_frame_s_;
-    const bool silent = link_ && last_frame_s_ >= 0.0 && silent_s >= kSilent_s;
+    const double silent_s = silence_.silent_s(now);
+    const bool silent = silent_s >= SilenceWatch::kSilence_s;
     return (silent ? "silent for " + std::to_string(std::lround(silent_s)) + " s, " : "") +
            live_text(*receiver_, state_.bytes_per_second(now)) + viewers;
   }
@@ -225,8 +225,9 @@ class Monitor {
     } catch (const HostError& error) {
       refuse(error.what());
     }
-    if (received_frames_ + receiver_->counters().frames != before) {
-      last_frame_s_ = now;
+    const bool heard = received_frames_ + receiver_->counters().frames != before;
+    if (const auto notice = silence_.follow(heard, now)) {
+      tell(*notice, now);
     }
     const std::string change = link_->port_change();
     if (!change.empty()) {
@@ -301,7 +302,7 @@ class Monitor {
     around.link_uri = options_.link_uri;
     around.port_state = port_state_;
     around.refused = refused_;
-    around.silent_s = last_frame_s_ < 0.0 ? -1.0 : now - last_frame_s_;
+    around.silent_s = silence_.silent_s(now);
     around.budget_bytes_s = options_.budget_bytes_s;
     around.viewers = server_->viewers();
     around.epoch = map_.epoch();
@@ -316,6 +317,11 @@ class Monitor {
       player_->take(request);
       wanted_ = true;
     }
+  }
+
+  void tell(const ReceiverNotice& notice, double now) {
+    say(severity_word(notice.severity) + printable(notice.text, 300));
+    state_.add_notice(notice, clock_s(now));
   }
 
   void say(const std::string& text) {
@@ -353,8 +359,8 @@ class Monitor {
   std::string port_state_;
   std::string refused_;
   std::uint64_t received_frames_ = 0;  ///< whole ones, by receivers that are no more
-  double last_frame_s_ = -1.0;
-  bool flooded_ = false;  ///< more comes than one round takes
+  SilenceWatch silence_;               ///< of whole frames
+  bool flooded_ = false;               ///< more comes than one round takes
   double begin_s_ = 0.0;
   double shown_s_ = 0.0;
   LiveLine line_;

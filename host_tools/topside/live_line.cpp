@@ -48,7 +48,7 @@ std::string live_text(const Receiver& receiver, double bytes_per_s) {
   line += " B/cell";
   if (const auto work = receiver.work_share()) {
     line += ", work ";
-    append_fixed(&line, 100.0 * *work, 0);
+    append_fixed(&line, 100.0 * *work, 1);
     line += " %";
   }
   const std::string alarms = receiver.status() ? alarm_text(receiver.status()->alarms) : "";

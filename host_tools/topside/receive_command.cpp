@@ -14,6 +14,7 @@
 #include "host_tools/topside/link_reader.hpp"
 #include "host_tools/topside/live_line.hpp"
 #include "host_tools/topside/live_output.hpp"
+#include "host_tools/topside/silence_watch.hpp"
 
 namespace leadline::host {
 namespace {
@@ -21,10 +22,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr double kShowEvery_s = 0.5;
-// A link that said something and now nothing is told so after this; a slow one after twice its longest
-// pause, so that it is not told so over and over.
-constexpr double kSilence_s = 10.0;
-constexpr double kLongestSilence_s = 120.0;
 
 double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
@@ -86,7 +83,10 @@ class Session {
     const double now = now_s();
     say_port();
     say_notices();
-    say_silence(got > 0, now);
+    const auto silence = silence_.follow(got > 0, now);
+    if (silence && !link_.is_file()) {
+      say(severity_word(silence->severity) + silence->text);
+    }
     if (got > 0) {
       last_byte_s_ = now;
     }
@@ -129,20 +129,6 @@ class Session {
     const std::string change = link_.port_change();
     if (!change.empty()) {
       say(change);
-    }
-  }
-
-  void say_silence(bool heard, double now) {
-    const double silent_s = now - last_byte_s_;
-    if (heard && said_silent_) {
-      said_silent_ = false;
-      say("heard again, after " + fixed_text(silent_s, 0) + " s");
-      silence_s_ = std::clamp(2.0 * silent_s, kSilence_s, kLongestSilence_s);
-    }
-    if (!heard && !said_silent_ && !link_.is_file() && receiver_.counters().bytes > 0 &&
-        silent_s >= silence_s_) {
-      said_silent_ = true;
-      say("warning: nothing heard for " + fixed_text(silent_s, 0) + " s");
     }
   }
 
@@ -253,8 +239,7 @@ class Session {
   std::optional<LiveStore> store_;
   LinkReader link_;
   LiveOutput output_;
-  double silence_s_ = kSilence_s;
-  bool said_silent_ = false;
+  SilenceWatch silence_;
   LiveLine line_;
   std::optional<std::uint64_t> vehicle_cells_hash_;
   double begin_s_ = 0.0;

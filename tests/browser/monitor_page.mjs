@@ -315,6 +315,15 @@ step("obstacles above a depth are counted and marked", async () => {
   assert.equal(Number(words.match(/^([\d,]+) cells/)[1].replace(",", "")), depths.filter((d) => d < limit).length);
   close(Number(words.match(/shallowest ([\d.]+) m/)[1]), depths[0], 0.0051, "shallowest");
   await shot("obstacles");
+  // Colours that are held by hand.
+  const ticks = (wanted) => until((list) => document.querySelector("#legend-ticks").dataset.shown === list, wanted);
+  const own = await page.getAttribute("#legend-ticks", "data-shown");
+  await page.fill("#depth-from", "10");
+  await page.fill("#depth-to", "22");
+  await ticks("10.0|16.0|22.0");
+  await page.fill("#depth-from", "");
+  await page.fill("#depth-to", "");
+  await ticks(own);
   await page.uncheck("#obstacles");
   await page.click("#tab-health");
 });
