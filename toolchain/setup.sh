@@ -19,7 +19,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 # Compiler and build; libraries of host_tools; the demo's font; of the ports; tests; benches.
 wanted=(
   g++ cmake ninja-build pkg-config python3
-  libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev libsqlite3-dev
+  libcli11-dev libtomlplusplus-dev nlohmann-json3-dev libgdal-dev libcairo2-dev libfontconfig-dev libsqlite3-dev
   libsodium-dev
   libboost-dev libjs-three
   fonts-dejavu-core
