@@ -68,7 +68,8 @@ options=(
   cd "$source_tree"
   make -s ARCH=um O="$build" tinyconfig
   # It tells of every option that the fragment changes.
-  ./scripts/kconfig/merge_config.sh -m -O "$build" "$build/.config" "$work/fragment" >"$work/merge.log" 2>&1
+  ./scripts/kconfig/merge_config.sh -m -O "$build" "$build/.config" "$work/fragment" >"$work/merge.log" 2>&1 ||
+    die "its options do not merge: $(tail -3 "$work/merge.log")"
   make -s ARCH=um O="$build" olddefconfig
 )
 for option in "${options[@]}"; do
