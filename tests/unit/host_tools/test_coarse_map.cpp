@@ -117,6 +117,25 @@ TEST(what_is_unknown_in_a_whole_tile_is_a_gap) {
   assert_int_equal(coarse.tiles(), 0);
 }
 
+// A lost coarse tile goes again with what still waits of it: what came of it before stays.
+TEST(a_later_word_adds_to_an_earlier_one) {
+  const TileStore store(grid_hello());
+  CoarseMap coarse;
+  TileDelta first = coarse_tile(0);
+  set_coarse(&first, 0, 0, 700);
+  set_coarse(&first, 0, 1, 701);
+  assert_true(coarse.apply(first, store));
+  TileDelta second = coarse_tile(0);
+  set_coarse(&second, 0, 1, 900);
+  set_coarse(&second, 0, 2, 902);
+  assert_true(coarse.apply(second, store));
+  const auto* const cells = coarse.tile(0);
+  assert_int_equal((*cells)[0], code_cell(700, 2000, 0));
+  assert_int_equal((*cells)[1], code_cell(900, 2000, 0));
+  assert_int_equal((*cells)[2], code_cell(902, 2000, 0));
+  assert_int_equal((*cells)[3], leadline::proto::kUnknownCell);
+}
+
 TEST(a_coarse_cell_outside_the_grid_takes_all_of_its_tile_along) {
   TileStore store(grid_hello());
   CoarseMap coarse;

@@ -414,6 +414,37 @@ TEST(a_map_that_comes_from_a_store_is_handed_out_too) {
   catch_up(&holder, guest, &receiver);
   assert_true(receiver.store()->cells_hash() == before.store()->cells_hash());
   assert_int_equal(holder.share.counters().handed_tiles, 9);
+  // The same for the map after it.
+  holder.hear(Survey(6).hello_frame());
+  catch_up(&holder, guest, &receiver);
+  assert_int_equal(receiver.store()->hello().survey_id, 6);
+  assert_int_equal(receiver.store()->known_tiles(), 9);
+  assert_int_equal(holder.share.counters().handed_tiles, 18);
+}
+
+// More than the socket takes, and he reads nothing for a while: he gets it when he does.
+TEST(a_map_is_handed_out_as_it_is_read) {
+  const Place place;
+  Holder holder(place.path);
+  Random random(14);
+  Survey survey(5);
+  holder.hear(survey.hello_frame());
+  for (proto::CodedCell& cell : survey.cells) {
+    cell = proto::code_cell(static_cast<std::int32_t>(random.between(0, 400'000)), 16, 0);
+  }
+  for (std::uint32_t tile = 0; tile < Survey::kTiles; ++tile) {
+    survey.generation[tile] = 1;
+    holder.hear(survey.whole(tile));
+  }
+  assert_true(holder.receiver.counters().bytes > 200'000);
+  const Guest guest(place.path);
+  for (int round = 0; round < 200; ++round) {
+    holder.round();
+  }
+  leadline::host::Receiver receiver;
+  catch_up(&holder, guest, &receiver);
+  assert_true(receiver.store()->cells_hash() == holder.receiver.store()->cells_hash());
+  assert_int_equal(holder.share.counters().handed_tiles, Survey::kTiles);
 }
 
 TEST(only_this_user_gets_in_and_only_so_many) {

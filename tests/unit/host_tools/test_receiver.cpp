@@ -6,6 +6,7 @@
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/topside/receiver.hpp"
 #include "proto/framing.hpp"
+#include "proto/log.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -438,6 +439,19 @@ TEST(a_new_session_whose_hello_is_lost_is_asked_for_it_and_loses_nothing) {
   assert_false(asks_for_hello(&receiver, 9'000'000));
 }
 
+// Of two sessions the hellos come in the wrong order: what waits for the second is not lost by the first.
+TEST(what_waits_for_a_hello_waits_for_its_own) {
+  Random random;
+  Receiver receiver;
+  Speaker second(grid_hello(11, 2));
+  feed(&receiver, second.change(3, &random));
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  assert_int_equal(receiver.store()->known_cells(), 0);
+  assert_true(asks_for_hello(&receiver, 1'000'000));
+  feed(&receiver, hello_frame(grid_hello(11, 2)));
+  assert_true(receiver.store()->cells_hash() == second.hash());
+}
+
 // Of two vehicles on one line only one hears us: the other is not asked for ever, which the one that hears would pay for.
 TEST(a_stranger_that_never_says_hello_is_given_up) {
   Random random;
@@ -533,7 +547,9 @@ TEST(a_survey_that_was_not_asked_for_is_passed_over) {
   feed(&receiver, hello_frame(grid_hello(11, 1)));
   feed(&receiver, hello_frame(grid_hello(11, 1)));
   assert_true(receiver.store() == nullptr);
-  assert_true(notices(&receiver).find("passed over") != std::string::npos);
+  const std::string said = notices(&receiver);
+  assert_true(said.find("passed over") != std::string::npos);
+  assert_true(said.find("passed over") == said.rfind("passed over"));  // once
   feed(&receiver, hello_frame(grid_hello(42, 1)));
   assert_true(receiver.store() != nullptr);
   Speaker foreign(grid_hello(11, 1));
@@ -651,12 +667,16 @@ TEST(a_new_session_forgets_what_the_last_one_wanted) {
   assert_false(receiver.agreed());
   feed(&receiver, digest_frame(digest_of(receiver, 0, 0)));
   assert_true(receiver.agreed());
+  leadline::proto::Digest whole = digest_of(receiver, 0, 0);
+  whole.hashes[0] ^= 1U;
+  feed(&receiver, digest_frame(whole));
   leadline::proto::Digest digest = digest_of(receiver, 3, 4);
   digest.hashes[2] ^= 1U;  // of tile 5
   feed(&receiver, digest_frame(digest));
   receiver.look(7, 2);
   feed(&receiver, hello_frame(reporting_hello(2)));
   assert_false(receiver.agreed());
+  feed(&receiver, digest_frame(digest));  // late: a word about the map that was
   for (std::int64_t now_us = 1'000'000; now_us < 8'000'000; now_us += 5'000) {
     for (const Bytes& payload : sent_up(&receiver, now_us)) {
       assert_true(payload[0] == static_cast<std::uint8_t>(leadline::proto::MessageType::kReport));
@@ -699,6 +719,156 @@ TEST(a_tile_whose_hash_differs_is_asked_for) {
   assert_in_range(asked_us[1] - asked_us[0], 4'000'000, 4'100'000);
   assert_in_range(asked_us[4] - asked_us[3], 32'000'000, 32'100'000);
   assert_false(receiver.agreed());
+}
+
+// As long as much is on its way, hashes differ for that reason. And the newest word over everything counts: what an
+// earlier one found is settled by one that agrees.
+TEST(hashes_are_asked_about_once_little_is_left_and_the_last_word_counts) {
+  Receiver receiver;
+  feed(&receiver, hello_frame(reporting_hello()));
+  const auto asks_finer = [&receiver](std::int64_t now_us) {
+    const auto payloads = sent_up(&receiver, now_us);
+    return std::any_of(payloads.begin(), payloads.end(), [](const Bytes& payload) {
+      return leadline::proto::decode_digest_request(payload.data(), payload.size()).ok();
+    });
+  };
+  leadline::proto::Digest whole = digest_of(receiver, 0, 0);
+  whole.hashes[0] ^= 1U;
+  feed(&receiver, status_frame(0, 9, 0));
+  feed(&receiver, digest_frame(whole));
+  assert_false(asks_finer(1'000'000));
+  feed(&receiver, status_frame(0, 8, 0));
+  assert_true(asks_finer(1'100'000));
+  leadline::proto::Digest part = digest_of(receiver, 3, 4);
+  part.hashes[2] ^= 1U;
+  feed(&receiver, digest_frame(part));
+  whole.hashes[0] ^= 1U;
+  feed(&receiver, digest_frame(whole));
+  assert_true(receiver.agreed());
+  for (std::int64_t now_us = 1'200'000; now_us < 30'000'000; now_us += 5'000) {
+    for (const Bytes& payload : sent_up(&receiver, now_us)) {
+      assert_true(payload[0] == static_cast<std::uint8_t>(leadline::proto::MessageType::kReport));
+    }
+  }
+}
+
+// Fifteen tiles in steps of two: the last step is a tile alone, and its hash that of a step.
+TEST(a_step_that_the_grid_cuts_hashes_as_the_vehicle_does_it) {
+  Random random;
+  Hello hello = reporting_hello();
+  hello.size_cells[0] = 80;
+  hello.size_cells[1] = 48;
+  Receiver receiver;
+  Speaker vehicle(hello);
+  feed(&receiver, hello_frame(hello));
+  feed(&receiver, vehicle.change(14, &random));
+  assert_int_equal(receiver.store()->tile_count(), 15);
+  leadline::proto::Digest digest{};
+  digest.survey_tag = receiver.store()->tag();
+  digest.tiles_log2 = 1;
+  digest.hash_count = 8;
+  for (std::uint32_t k = 0; k < 8; ++k) {
+    std::uint64_t hash = leadline::proto::kFnvOffset;
+    for (std::uint32_t tile = 2 * k; tile < std::min(2 * k + 2, 15U); ++tile) {
+      hash = leadline::proto::add_digest_tile(hash, receiver.store()->hash32(tile));
+    }
+    digest.hashes[k] = leadline::proto::fold_hash(hash);
+  }
+  const auto range_asked = [&receiver](std::int64_t now_us) {
+    leadline::proto::TileRange range{};
+    for (const Bytes& payload : sent_up(&receiver, now_us)) {
+      const auto finer = leadline::proto::decode_digest_request(payload.data(), payload.size());
+      range = finer.ok() ? finer.value().range : range;
+    }
+    return range;
+  };
+  feed(&receiver, digest_frame(digest));
+  assert_int_equal(range_asked(1'000'000).count, 0);
+  digest.hashes[7] ^= 1U;
+  feed(&receiver, digest_frame(digest));
+  const auto range = range_asked(1'100'000);
+  assert_int_equal(range.first, 14);
+  assert_int_equal(range.count, 1);
+}
+
+TEST(where_the_topside_looks_is_said_again_and_its_end_once) {
+  Receiver receiver;
+  feed(&receiver, hello_frame(reporting_hello()));
+  std::vector<std::int64_t> said_us;
+  std::uint8_t radius_tiles = 0;
+  const auto listen = [&](std::int64_t from_us, std::int64_t until_us) {
+    said_us.clear();
+    for (std::int64_t now_us = from_us; now_us < until_us; now_us += 20'000) {
+      if (now_us % 500'000 == 0) {  // what comes pays for what goes
+        feed(&receiver, status_frame(0, 0, static_cast<std::uint64_t>(now_us / 500'000)));
+      }
+      for (const Bytes& payload : sent_up(&receiver, now_us)) {
+        const auto look = leadline::proto::decode_look(payload.data(), payload.size());
+        if (look.ok()) {
+          assert_int_equal(look.value().tile, 7);
+          radius_tiles = look.value().radius_tiles;
+          said_us.push_back(now_us - from_us);
+        }
+      }
+    }
+  };
+  receiver.look(7, 2);
+  listen(1'000'000, 51'000'000);
+  assert_int_equal(said_us.size(), 3);
+  assert_in_range(said_us[0], 0, 500'000);
+  assert_in_range(said_us[1] - said_us[0], 20'000'000, 21'000'000);
+  assert_int_equal(radius_tiles, 2);
+  receiver.look(7, 0);
+  listen(51'000'000, 120'000'000);
+  assert_int_equal(said_us.size(), 1);
+  assert_int_equal(radius_tiles, 0);
+}
+
+TEST(what_a_log_said_of_its_map_is_not_said_of_the_next) {
+  Receiver receiver;
+  feed(&receiver, hello_frame(grid_hello(11, 1)));
+  leadline::proto::LogEnd end{};
+  end.cells_hash = 77;
+  std::uint8_t payload[leadline::proto::kMaxPayload_bytes];
+  feed(&receiver, frame(payload, encode_log_end(end, payload, sizeof payload).value()));
+  assert_true(receiver.vehicle_cells_hash() == std::optional<std::uint64_t>(77));
+  feed(&receiver, hello_frame(grid_hello(11, 2)));
+  assert_false(receiver.vehicle_cells_hash().has_value());
+}
+
+TEST(the_same_survey_in_another_place_is_another_map) {
+  Receiver receiver;
+  int replaced = 0;
+  receiver.on_replaced = [&replaced](const TileStore&) { ++replaced; };
+  Hello hello = grid_hello();
+  for (int change = 0; change < 3; ++change) {
+    feed(&receiver, hello_frame(hello));
+    feed(&receiver, hello_frame(hello));
+    assert_int_equal(replaced, change);
+    if (change == 0) {
+      hello.origin_mm[1] += 1000;
+    } else {
+      hello.size_cells[2] += 1;
+    }
+  }
+}
+
+// A hello that never comes does not fill the memory, and the echo of our own word is none of the vehicle's.
+TEST(what_waits_for_a_hello_is_bounded_and_an_echo_counts_for_nothing) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(grid_hello());
+  const Bytes packet = vehicle.change(3, &random);
+  for (int k = 0; k < 4100; ++k) {
+    feed(&receiver, packet);
+  }
+  assert_int_equal(receiver.counters().before_hello, 4);
+  const std::uint64_t bytes = receiver.counters().link_bytes;
+  assert_int_equal(bytes, 4100 * packet.size());
+  feed(&receiver, leadline::host::hello_request_frame());
+  assert_int_equal(receiver.counters().link_bytes, bytes);
+  feed(&receiver, hello_frame(grid_hello()));
+  assert_int_equal(receiver.counters().deltas, 4096);
 }
 
 TEST(garbage_is_counted_and_nothing_else) {
