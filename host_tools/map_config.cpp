@@ -12,8 +12,6 @@
 namespace leadline::host {
 namespace {
 
-constexpr std::array<const char*, 4> kBeamKindNames = {"cone", "piston", "aperture", "pattern"};
-
 constexpr std::size_t kMaxName_bytes = 64;
 
 /// Every key there is: what is not here is an error.
@@ -175,8 +173,6 @@ std::vector<ConfigEntry> entries_of(const MapConfig& config) {
 }
 
 }  // namespace
-
-const char* beam_kind_name(BeamKind kind) { return kBeamKindNames[static_cast<std::size_t>(kind)]; }
 
 namespace {
 

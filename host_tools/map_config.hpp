@@ -68,7 +68,4 @@ struct MapConfig {
 /// The same as one JSON object: tables are objects, unset optional keys are absent.
 [[nodiscard]] std::string map_config_to_json(const MapConfig& config);
 
-/// Name for messages.
-[[nodiscard]] const char* beam_kind_name(BeamKind kind);
-
 }  // namespace leadline::host

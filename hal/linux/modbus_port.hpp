@@ -69,7 +69,6 @@ class ModbusPort final : public LinuxPort {
   void disconnect(int number);
   void serve();
   [[nodiscard]] bool send_request();
-  void take_answer();
   void deliver(const std::uint8_t* bytes, std::size_t size_bytes);
 
   _modbus* context_;

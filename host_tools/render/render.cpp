@@ -143,15 +143,6 @@ void draw_all(const RenderOptions& given) {
 
 }  // namespace
 
-std::optional<View> view_from_name(const std::string& name) {
-  for (const auto& [view, known] : kViews) {
-    if (name == known) {
-      return view;
-    }
-  }
-  return std::nullopt;
-}
-
 const char* view_name(View view) {
   for (const auto& [known, name] : kViews) {
     if (view == known) {

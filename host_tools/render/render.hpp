@@ -74,8 +74,7 @@ struct VoxelField {
 
 enum class View : std::uint8_t { kDepth, kOblique, kUncertainty, kDifference, kSlice, kHistogram };
 
-/// "depth", "oblique", "uncertainty", "difference", "slice", "histogram"; nothing for other names.
-[[nodiscard]] std::optional<View> view_from_name(const std::string& name);
+/// "depth", "oblique", "uncertainty", "difference", "slice", "histogram".
 [[nodiscard]] const char* view_name(View view);
 
 struct RenderOptions {
