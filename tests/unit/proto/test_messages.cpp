@@ -364,6 +364,18 @@ TEST(brief_fields_out_of_range_are_refused) {
   refused(brief, encode_brief);
   const Bytes bytes = encoded(brief_of(sample_status()), encode_brief);
   refused_bytes(bytes, 6, 8, BaseStatus::kOutOfRange, decode_brief);
+  // A range that 16 bits do not hold is refused, not cut.
+  brief = brief_of(sample_status());
+  brief.swath.beam_count = 1;
+  brief.swath.beams[0] = {1, 2, 5};
+  Bytes far = encoded(brief, encode_brief);
+  far.back() = 0xFF;
+  far.insert(far.end(), {0xFF, 0x03});
+  assert_int_equal(decode_brief(far.data(), far.size()).value().swath.beams[0].range_dm, 65'535);
+  far[far.size() - 3] = far[far.size() - 2] = 0x80;
+  far.back() = 0x04;
+  assert_int_equal(static_cast<int>(decode_brief(far.data(), far.size()).status()),
+                   static_cast<int>(BaseStatus::kOutOfRange));
 }
 
 TEST(text_takes_clean_utf8_only) {
