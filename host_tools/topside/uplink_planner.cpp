@@ -16,7 +16,6 @@ constexpr double kTimeShare = 0.01;
 constexpr double kReport_bytes = 15.0;
 constexpr double kMost_bytes = 256.0;
 constexpr double kRich_bytes = 40.0;
-// Beyond what there is, for what is said rarely: reports would leave it nothing.
 constexpr double kMostDebt_bytes = 32.0;
 constexpr double kAnswerDebt_bytes = 16.0;
 constexpr double kPausedDebt_bytes = 0.0;
@@ -346,7 +345,7 @@ std::vector<std::uint8_t> UplinkPlanner::look_again(base::TimeUs now_us, const T
   look_->survey_tag = store.tag();
   std::uint8_t payload[proto::kMaxLook_bytes];
   std::vector<std::uint8_t> bytes =
-      paid(payload, encode_look(*look_, payload, sizeof payload), kMostDebt_bytes);
+      paid(payload, encode_look(*look_, payload, sizeof payload), 0.0);
   if (!bytes.empty()) {
     look_us_ = now_us;
     if (look_->radius_tiles == 0) {

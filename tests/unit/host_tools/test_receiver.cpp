@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <functional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -682,6 +683,88 @@ TEST(a_new_session_forgets_what_the_last_one_wanted) {
       assert_true(payload[0] == static_cast<std::uint8_t>(leadline::proto::MessageType::kReport));
     }
   }
+}
+
+TEST(the_agreement_on_one_map_is_none_on_the_next) {
+  Receiver receiver;
+  feed(&receiver, hello_frame(reporting_hello()));
+  feed(&receiver, digest_frame(digest_of(receiver, 0, 0)));
+  assert_true(receiver.agreed());
+  feed(&receiver, hello_frame(reporting_hello(2)));
+  assert_false(receiver.agreed());
+}
+
+/// Numbers of frames that reports among these name, each once; `asked`: whether one answers a question.
+std::set<int> frames_named(const std::vector<Bytes>& payloads, bool* asked = nullptr) {
+  std::set<int> numbers;
+  for (const Bytes& payload : payloads) {
+    const auto report = leadline::proto::decode_report(payload.data(), payload.size());
+    for (int i = 0; report.ok() && i < 8 * report.value().mask_bytes; ++i) {
+      if (report.value().came(static_cast<std::uint32_t>(i))) {
+        numbers.insert(report.value().newest - i);
+      }
+    }
+    if (asked != nullptr && report.ok()) {
+      *asked = *asked || report.value().asked;
+    }
+  }
+  return numbers;
+}
+
+/// All that goes up in the next five seconds.
+std::vector<Bytes> sent_up_from(Receiver* receiver, std::int64_t from_us) {
+  std::vector<Bytes> all;
+  for (std::int64_t now_us = from_us; now_us < from_us + 5'000'000; now_us += 5'000) {
+    for (Bytes& payload : sent_up(receiver, now_us)) {
+      all.push_back(std::move(payload));
+    }
+  }
+  return all;
+}
+
+// A name of the session before would confirm a frame of this one that was lost.
+TEST(reports_name_frames_of_this_session_only) {
+  Random random;
+  Receiver receiver;
+  Speaker first(reporting_hello(1));
+  feed(&receiver, hello_frame(reporting_hello(1)));
+  for (int k = 0; k < 9; ++k) {
+    feed(&receiver, first.change(0, &random));
+  }
+  std::uint8_t payload[leadline::proto::kQuestion_bytes];
+  const leadline::proto::Question question{receiver.store()->tag(), 9};
+  const Bytes question_frame =
+      frame(payload, encode_question(question, payload, sizeof payload).value());
+  feed(&receiver, question_frame);
+  Speaker second(reporting_hello(2));
+  (void)second.change(0, &random);  // is lost
+  feed(&receiver, second.change(0, &random));
+  feed(&receiver, hello_frame(reporting_hello(2)));
+  feed(&receiver, question_frame);  // late
+  bool asked = false;
+  assert_true(frames_named(sent_up_from(&receiver, 1'000'000), &asked) == std::set<int>{2});
+  assert_false(asked);
+  const std::uint64_t others = receiver.counters().other_surveys;
+  assert_int_equal(others, 1);
+}
+
+// A packet that says more than its cells, with a right CRC: what was in it did not come.
+TEST(a_packet_that_cannot_be_read_is_not_named) {
+  Random random;
+  Receiver receiver;
+  Speaker vehicle(reporting_hello());
+  feed(&receiver, hello_frame(reporting_hello()));
+  feed(&receiver, vehicle.change(0, &random));
+  const Bytes packet = vehicle.change(0, &random);
+  leadline::proto::FrameDecoderBuffer<> buffer;
+  leadline::proto::FrameView view{};
+  std::size_t used = 0;
+  assert_true(buffer.decoder().feed(packet.data(), packet.size(), used, view));
+  Bytes longer(view.payload, view.payload + view.payload_bytes);
+  longer.insert(longer.end(), 40, 0x55);
+  feed(&receiver, frame(longer.data(), longer.size()));
+  assert_int_equal(receiver.counters().malformed, 1);
+  assert_true(frames_named(sent_up_from(&receiver, 1'000'000)) == std::set<int>{1});
 }
 
 // One hash differs: that tile is asked for, alone, and once for each time that it is said.
