@@ -3,6 +3,7 @@
 
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/map_config.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -25,16 +26,7 @@ MapConfig parse(const std::string& text) { return parse_map_config(text, "c.toml
 
 /// The message of the HostError kUsage that the text has to raise.
 std::string error_of(const std::string& text) {
-  std::string message;
-  ExitCode code = ExitCode::kOk;
-  try {
-    (void)parse(text);
-  } catch (const HostError& error) {
-    message = error.what();
-    code = error.code();
-  }
-  assert_int_equal(code, ExitCode::kUsage);
-  return message;
+  return leadline::test::error_of(ExitCode::kUsage, [&] { (void)parse(text); });
 }
 
 void assert_error(const std::string& text, const std::string& part) {

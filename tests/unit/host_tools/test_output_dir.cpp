@@ -23,6 +23,7 @@ using leadline::host::OutputDir;
 using leadline::host::OutputFile;
 using leadline::host::write_file_whole;
 using leadline::test::assert_contains;
+using leadline::test::error_of;
 
 std::string content_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -32,21 +33,6 @@ std::string content_of(const fs::path& path) {
 std::size_t entries_in(const fs::path& path) {
   return static_cast<std::size_t>(
       std::distance(fs::directory_iterator(path), fs::directory_iterator{}));
-}
-
-/// Message of the HostError kOutput that `action` has to raise.
-template <typename Action>
-std::string output_error(const Action& action) {
-  std::string message;
-  ExitCode code = ExitCode::kOk;
-  try {
-    action();
-  } catch (const HostError& error) {
-    message = error.what();
-    code = error.code();
-  }
-  assert_int_equal(code, ExitCode::kOutput);
-  return message;
 }
 
 TEST(results_appear_together_and_only_at_commit) {
@@ -83,7 +69,7 @@ TEST(a_result_that_was_staged_and_never_written_stops_the_commit) {
   OutputDir output(path.string());
   output.write("depth.asc", "new depth");
   (void)output.stage("depth.png");
-  const std::string message = output_error([&] { output.commit(); });
+  const std::string message = error_of(ExitCode::kOutput, [&] { output.commit(); });
   assert_contains(message, "depth.png");
   assert_string_equal(content_of(path / "depth.asc").c_str(), "old depth");
 }
@@ -120,31 +106,38 @@ TEST(what_a_killed_run_left_is_removed_by_the_next) {
 TEST(places_that_cannot_be_written_are_named) {
   const fs::path path = leadline::test::scratch_directory();
   std::ofstream(path / "file") << "x";
-  assert_contains(output_error([&] { OutputDir output((path / "file").string()); }), "file");
-  assert_contains(output_error([&] { OutputDir output((path / "file" / "sub").string()); }), "sub");
-  assert_contains(output_error([&] { OutputDir output("/proc/leadline-test"); }),
+  assert_contains(error_of(ExitCode::kOutput, [&] { OutputDir output((path / "file").string()); }),
+                  "file");
+  assert_contains(
+      error_of(ExitCode::kOutput, [&] { OutputDir output((path / "file" / "sub").string()); }),
+      "sub");
+  assert_contains(error_of(ExitCode::kOutput, [&] { OutputDir output("/proc/leadline-test"); }),
                   "/proc/leadline-test");
-  assert_contains(output_error([&] { OutputDir output("/proc"); }), "/proc");
+  assert_contains(error_of(ExitCode::kOutput, [&] { OutputDir output("/proc"); }), "/proc");
 
   fs::create_directory(path / "depth.asc");
   OutputDir output(path.string());
-  assert_contains(output_error([&] { output.write("depth.asc", "x"); }), "directory");
+  assert_contains(error_of(ExitCode::kOutput, [&] { output.write("depth.asc", "x"); }),
+                  "directory");
 }
 
 TEST(a_full_disk_is_an_output_error_from_write_or_close) {
   const std::string large(1'000'000, 'x');
-  assert_contains(output_error([&] {
-                    OutputFile file("/dev/full");
-                    file.write(large);
-                  }),
+  assert_contains(error_of(ExitCode::kOutput,
+                           [&] {
+                             OutputFile file("/dev/full");
+                             file.write(large);
+                           }),
                   "/dev/full: No space left on device");
-  assert_contains(output_error([&] {
-                    OutputFile file("/dev/full", "DIR/depth.asc");
-                    file.write("small");
-                    file.close();
-                  }),
+  assert_contains(error_of(ExitCode::kOutput,
+                           [&] {
+                             OutputFile file("/dev/full", "DIR/depth.asc");
+                             file.write("small");
+                             file.close();
+                           }),
                   "DIR/depth.asc: No space left on device");
-  assert_contains(output_error([&] { write_file_whole("/dev/full", "x"); }), "No space left");
+  assert_contains(error_of(ExitCode::kOutput, [&] { write_file_whole("/dev/full", "x"); }),
+                  "No space left");
 }
 
 TEST(a_limit_in_the_middle_of_a_result_leaves_the_earlier_one) {
@@ -192,9 +185,11 @@ TEST(single_results_are_replaced_whole) {
   assert_true(fs::is_symlink(path / "link.llt"));
   assert_string_equal(content_of(path / "table.llt").c_str(), "three");
   assert_int_equal(entries_in(path), 2);
-  assert_contains(output_error([&] { write_file_whole(path.string(), "x"); }), "directory");
-  assert_contains(output_error([&] { write_file_whole((path / "no" / "x").string(), "x"); }),
-                  "No such file");
+  assert_contains(error_of(ExitCode::kOutput, [&] { write_file_whole(path.string(), "x"); }),
+                  "directory");
+  assert_contains(
+      error_of(ExitCode::kOutput, [&] { write_file_whole((path / "no" / "x").string(), "x"); }),
+      "No such file");
 }
 
 TEST(large_results_keep_every_byte) {

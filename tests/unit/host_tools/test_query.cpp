@@ -1,5 +1,6 @@
 #include "host_tools/exit_codes.hpp"
 #include "host_tools/query.hpp"
+#include "tests/support/host_errors.hpp"
 #include "tests/support/test.hpp"
 
 namespace {
@@ -8,7 +9,6 @@ using leadline::host::CellIndex;
 using leadline::host::ExitCode;
 using leadline::host::format_box_answer;
 using leadline::host::format_segment_answer;
-using leadline::host::HostError;
 using leadline::host::parse_point;
 using leadline::host::PointMm;
 using leadline::host::query_box;
@@ -17,6 +17,7 @@ using leadline::host::SegmentAnswer;
 using leadline::host::StateCounts;
 using leadline::host::VoxelState;
 using leadline::host::VoxelStates;
+using leadline::test::error_of;
 
 /// 10 x 10 x 10 cells of 1 m from (0, 0, 100 m): free above cell 5, a wall at 5, unknown below.
 VoxelStates wall() {
@@ -28,20 +29,6 @@ VoxelStates wall() {
 
 std::uint64_t count(const StateCounts& counts, VoxelState state) {
   return counts.of[static_cast<std::size_t>(state)];
-}
-
-template <typename Action>
-std::string usage_error(const Action& action) {
-  std::string message;
-  ExitCode code = ExitCode::kOk;
-  try {
-    action();
-  } catch (const HostError& error) {
-    message = error.what();
-    code = error.code();
-  }
-  assert_int_equal(code, ExitCode::kUsage);
-  return message;
 }
 
 TEST(a_free_line_is_free) {
@@ -108,23 +95,26 @@ TEST(queries_over_the_limit_are_refused) {
   VoxelStates fine = wall();
   fine.lattice.cell_mm = 1;
   fine.size = {1'000'000, 1'000, 1'000};
-  const std::string line = usage_error([&] {
+  const std::string line = error_of(ExitCode::kUsage, [&] {
     (void)query_segment(fine, {-1'000'000'000, 0, 0}, {1'000'000'000, 0, 0});
   });
   assert_true(line.find("2000000001 voxels") != std::string::npos);
-  (void)usage_error([&] { (void)query_box(fine, {0, 0, 100'000}, {1'000'000, 1'000, 101'000}); });
+  (void)error_of(ExitCode::kUsage, [&] {
+    (void)query_box(fine, {0, 0, 100'000}, {1'000'000, 1'000, 101'000});
+  });
 }
 
 TEST(points_are_parsed_exactly) {
   assert_true(parse_point("--from", "1,2,3") == PointMm({1'000, 2'000, 3'000}));
   assert_true(parse_point("--from", "-0.001, 2.5 ,1e2") == PointMm({-1, 2'500, 100'000}));
   for (const char* const text : {"", "1,2", "1,2,3,4", "1,2,x", "1,,3", "nan,1,2", "1;2;3"}) {
-    const std::string message = usage_error([&] { (void)parse_point("--from", text); });
+    const std::string message =
+        error_of(ExitCode::kUsage, [&] { (void)parse_point("--from", text); });
     assert_true(message.find(std::string("--from ") + text) == 0);
     assert_true(message.find("NORTH,EAST,DOWN") != std::string::npos);
   }
-  (void)usage_error([] { (void)parse_point("--to", "2000000.001,0,0"); });
-  (void)usage_error([] { (void)parse_point("--to", "0,0,-20001"); });
+  (void)error_of(ExitCode::kUsage, [] { (void)parse_point("--to", "2000000.001,0,0"); });
+  (void)error_of(ExitCode::kUsage, [] { (void)parse_point("--to", "0,0,-20001"); });
 }
 
 TEST(answers_read_well_and_parse) {
