@@ -3,9 +3,7 @@
 replay without the store."""
 
 import json
-import os
 import pathlib
-import resource
 import socket
 import subprocess
 import sys
@@ -13,58 +11,11 @@ import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "support"))
-from contract import LEADLINE, OK, OUTPUT, USAGE, Case  # noqa: E402
-
-VEHICLE = os.environ["LEADLINE_VEHICLE"]
-PATIENCE_S = 180
-# 24 x 24 metres of 0.25 m: 6 x 6 tiles.
-FLIGHT = ["--set", "north_count=96", "--set", "east_count=96", "--set", "line_spacing_m=8", "--set",
-          "settle_s=2"]
+from contract import OK, OUTPUT, USAGE  # noqa: E402
+from store_flight import PATIENCE_S, VEHICLE, StoreCase  # noqa: E402
 
 
-class Store(Case):
-    def setUp(self):
-        super().setUp()
-        # Virtual time waits for each page to be safe: a thousand a flight, on the build machine's disk or in memory.
-        memory = pathlib.Path("/dev/shm")
-        if memory.is_dir() and os.access(memory, os.W_OK):
-            (self.dir / "map.llp").symlink_to(memory / f"{self.dir.name}.llp")
-            self.addCleanup((memory / f"{self.dir.name}.llp").unlink, missing_ok=True)
-
-    def configure(self, log, window=None, more=(), link="udp:127.0.0.1:9"):
-        self.flight = [*FLIGHT, *more]
-        self.expect(self.run_leadline("emulate", *self.flight, "--write-config", self.dir, "--ports",
-                                      self.dir / "ports", "--link", link, "--log", log), OK)
-        self.toml = self.dir / "vehicle.toml"
-        text = self.toml.read_text() + '\n[store]\npath = "map.llp"\n'
-        self.toml.write_text(text + (f"window_tiles = {window}\n" if window else ""))
-
-    def start(self, vehicle_limit_bytes=None):
-        def limit():
-            resource.setrlimit(resource.RLIMIT_FSIZE, (vehicle_limit_bytes, vehicle_limit_bytes))
-
-        def run(*command):
-            limited = vehicle_limit_bytes and command[0] == VEHICLE
-            process = subprocess.Popen([*map(str, command)], stdout=subprocess.PIPE,
-                                       stderr=subprocess.PIPE, text=True, preexec_fn=limit if limited else None)
-            self.addCleanup(process.kill)
-            return process
-        emulator = run(LEADLINE, "emulate", *self.flight, "--ports", self.dir / "ports", "--out", self.out,
-                       "--lockstep", self.dir / "clock")
-        vehicle = run(VEHICLE, "--config", self.toml, "--clock", f"lockstep:{self.dir}/clock", "--json", "--drain-s", "2")
-        return emulator, vehicle
-
-    def fly(self):
-        emulator, vehicle = self.start()
-        emulator.communicate(timeout=PATIENCE_S)
-        output, errors = vehicle.communicate(timeout=PATIENCE_S)
-        self.assertEqual(vehicle.returncode, OK, errors)
-        return json.loads(output), errors
-
-    def replay(self, log):
-        done = self.expect(self.run_leadline("replay", self.dir / log), OK)
-        self.assertIn("the same as when it flew", done.stdout)
-
+class Store(StoreCase):
     def test_a_map_survives_a_restart(self):
         self.configure("one.lll")
         summary, errors = self.fly()

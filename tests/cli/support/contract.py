@@ -51,12 +51,12 @@ class Case(unittest.TestCase):
     def write_rows(self, lines, header=HEADER):
         self.pings.write_text("\n".join([header] + lines) + "\n")
 
-    def run_leadline(self, *arguments, limit_bytes=None, stdin=None, stdout=subprocess.PIPE):
+    def run_leadline(self, *arguments, limit_bytes=None, stdin=None, stdout=subprocess.PIPE, timeout_s=50):
         def limit():
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limit_bytes))
         done = subprocess.run(
             [LEADLINE, *map(str, arguments)], input=stdin, stdout=stdout, stderr=subprocess.PIPE,
-            text=True, timeout=50, preexec_fn=limit if limit_bytes is not None else None, check=False)
+            text=True, timeout=timeout_s, preexec_fn=limit if limit_bytes is not None else None, check=False)
         self.assertGreaterEqual(done.returncode, 0,
                                 f"killed by signal {-done.returncode}: {done.stderr}")
         return done
