@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """A map ten times as large as the vehicle's window: the map of one big grid, with a fan, sharp turns and later returns;
-and the whole of it at the topside after a tether that was cut for ten minutes of the flight."""
+and the whole of it at the topside after a tether that was cut in mid flight, while tiles left the window."""
 
 import json
 import pathlib
