@@ -19,8 +19,6 @@ PlainCone make_plain_cone(const Frustum& frustum, const Scale& scale,
   cone.even_down_q30 = from.down_q30 & ~63;
   cone.minus_a_q24 = -from.a_q24;
   cone.inverse_a_q16 = from.inverse_a_q16;
-  const auto a_q30 = static_cast<std::int32_t>(from.a_q30 < 0 ? -from.a_q30 : from.a_q30);
-  cone.small_a_q30 = from.inverse_a_q16 == 0 && a_q30 >= 16 ? a_q30 : 0;
   cone.inverse_down_q12 = from.inverse_down_q12;
   cone.range_q10 = from.range_q10;
   cone.growth_q20 = static_cast<std::uint32_t>(from.growth_q20);
@@ -39,17 +37,5 @@ CellRange plain_cells_otherwise(const PlainCone& cone, std::int32_t x, std::int3
   cells.last = base::min_of(cells.last, deepest);
   return cells;
 }
-
-template <ConeForm kForm>
-CellRange plain_cells_near(const PlainCone& cone, std::int32_t x, std::int32_t y,
-                           std::int32_t deepest) {
-  return plain_cells<kForm, true>(cone, x, y, deepest);
-}
-template CellRange plain_cells_near<ConeForm::kAny>(const PlainCone& cone, std::int32_t x,
-                                                    std::int32_t y, std::int32_t deepest);
-template CellRange plain_cells_near<ConeForm::kUpright>(const PlainCone& cone, std::int32_t x,
-                                                        std::int32_t y, std::int32_t deepest);
-template CellRange plain_cells_near<ConeForm::kSlanted>(const PlainCone& cone, std::int32_t x,
-                                                        std::int32_t y, std::int32_t deepest);
 
 }  // namespace leadline::model

@@ -54,16 +54,6 @@ namespace leadline::model {
   return static_cast<std::int32_t>(sum_with_product(sum, a, b) >> 32);
 }
 
-/// q / A is off by 64 + q 2^-16 + 2^11 A at most, over A, with q below 2^28.
-constexpr std::int32_t kSureRoot_q20 = 1 << 12;
-
-/// Columns close by are a call of their own where registers are few.
-#if defined(__arm__)
-constexpr bool kNearInline = false;
-#else
-constexpr bool kNearInline = true;
-#endif
-
 /// Which way the columns of a plain cone go.
 enum class ConeForm : std::uint8_t {
   kAny,      ///< narrow_cells()
@@ -83,8 +73,7 @@ struct PlainCone {
   std::int32_t touch_growth_q20;
   std::int32_t even_down_q30;  // its last six bits zero
   std::int32_t minus_a_q24;
-  std::int32_t inverse_a_q16;  // 0: A is small
-  std::int32_t small_a_q30;    // |A|; 0: as good as none
+  std::int32_t inverse_a_q16;
   std::int32_t inverse_down_q12;
   std::int32_t range_q10;
   // Runs.
@@ -114,14 +103,11 @@ struct PlainCone {
   return base::root_step(x, base::kRootTable[x >> 24U]) << (shift / 2U - 2U);
 }
 
-/// floor((c / q + m) / 2^10), c / q rounded towards zero as limited_ratio_q10() has it: negative below 0, and
-/// kMaxDepthCells if it is that or more. |c| < 2^40, 0 < q < 2^30. Of c >= 0 it is floor((c + floor(m q / 2^10)) / q),
-/// as first_cell_below() has it; of less, where rounding is upwards, with (m + 1) q - 1 in place of m q.
-template <bool kMayBeNegative = false>
+/// floor((c + floor(m q / 2^10)) / q), as first_cell_below() has it but for its limits: negative below 0, and
+/// kMaxDepthCells if it is that or more. 0 <= c < 2^38, 0 < q < 2^30.
 [[nodiscard]] inline std::int32_t cell_of_root(std::int64_t c_q20, std::int32_t q_q20,
                                                std::int32_t m_q10) {
-  const std::int32_t upwards = kMayBeNegative && c_q20 < 0 ? 1 : 0;
-  const std::int64_t n = c_q20 + ((product(m_q10 + upwards, q_q20) - upwards) >> 10);
+  const std::int64_t n = c_q20 + (product(m_q10, q_q20) >> 10);
   if (n < 0) {
     return -1;
   }
@@ -141,32 +127,13 @@ template <bool kMayBeNegative = false>
   return static_cast<std::int32_t>(cell) + (rest < 0 ? -1 : (rest >= q_q20 ? 1 : 0));
 }
 
-/// floor((q / A + m) / 2^10) with narrow_far_root_q10(), of q / A > 0; kSmall: of an A that has no inverse as well.
-template <bool kSmall>
-[[nodiscard]] inline std::int32_t cell_of_far_root(const PlainCone& cone, std::int32_t q_q20,
-                                                   std::int32_t m_q10) {
-  if (kSmall && cone.inverse_a_q16 == 0) {
-    const std::int32_t size_q20 = q_q20 < 0 ? -q_q20 : q_q20;
-    return cone.small_a_q30 == 0
-               ? kMaxDepthCells
-               : cell_of_root(std::int64_t{size_q20} << 10U, cone.small_a_q30, m_q10);
-  }
-  const auto far_q10 = static_cast<std::int32_t>(product(q_q20 >> 6, cone.inverse_a_q16) >> 20);
-  return (far_q10 + m_q10) >> 10;
-}
-
 /// Cells of a column of any plain cone, none below `deepest`: narrow_cells().
 [[nodiscard]] CellRange plain_cells_otherwise(const PlainCone& cone, std::int32_t x, std::int32_t y,
                                               std::int32_t deepest);
-/// The same close to the transducer or to the rim, where the columns of a narrow beam are.
-template <ConeForm kForm>
-[[nodiscard]] CellRange plain_cells_near(const PlainCone& cone, std::int32_t x, std::int32_t y,
-                                         std::int32_t deepest);
 
 /// Cells of a column, as frustum_column() has them, none below `deepest`; nothing: last < first. The column is in_box(),
-/// kForm is the cone's, or kAny. kNear: also close by; else plain_cells_near() is called there, so that it takes no
-/// registers from the many.
-template <ConeForm kForm, bool kNear = kNearInline>
+/// kForm is the cone's, or kAny.
+template <ConeForm kForm>
 [[nodiscard]] inline CellRange plain_cells(const PlainCone& cone, std::int32_t x, std::int32_t y,
                                            std::int32_t deepest) {
   using base::max_of;
@@ -198,28 +165,12 @@ template <ConeForm kForm, bool kNear = kNearInline>
   if (!kUpright && disc16_high < 0) {
     return CellRange{0, -1};
   }
-  const auto disc16_low = static_cast<std::uint32_t>(words);
-  std::int32_t root_q20 = 0;
-  if (!kNear) {
-    if (c_q20 < 0 || disc16_high < 16 || (!kUpright && cone.inverse_a_q16 == 0)) {
-      return plain_cells_near<kForm>(cone, x, y, deepest);
-    }
-    root_q20 = static_cast<std::int32_t>(
-        root_of_16th(static_cast<std::uint32_t>(disc16_high), disc16_low));
-  } else {
-    if (disc16_high < 0) {  // rounding only
-      return plain_cells_otherwise(cone, x, y, deepest);
-    }
-    const auto high = static_cast<std::uint32_t>(disc16_high);
-    root_q20 = static_cast<std::int32_t>(
-        high >= 16 ? root_of_16th(high, disc16_low)
-                   : base::sqrt_u32_inline((high << 28U) | (disc16_low >> 4U)));
-    // Upright and C < 0, both roots are on one side, 2 root / A apart, and C / q is the nearer one to the transducer:
-    // not for sure where rounding may part them.
-    if (kUpright && c_q20 < 0 && root_q20 < kSureRoot_q20) {
-      return plain_cells_otherwise(cone, x, y, deepest);
-    }
+  // The transducer inside of the column, or hardly outside: rare.
+  if (c_q20 < 0 || disc16_high < 16) {
+    return plain_cells_otherwise(cone, x, y, deepest);
   }
+  const auto root_q20 = static_cast<std::int32_t>(
+      root_of_16th(static_cast<std::uint32_t>(disc16_high), static_cast<std::uint32_t>(words)));
   const std::int32_t q_q20 = b_q20 >= 0 ? b_q20 + root_q20 : b_q20 - root_q20;
   const std::int32_t p_q10 = p_q20 >> 10;
   // Of cells_between().
@@ -228,27 +179,30 @@ template <ConeForm kForm, bool kNear = kNearInline>
       static_cast<std::int32_t>(product(cone.range_q10 - p_q10, cone.inverse_down_q12) >> 12);
   CellRange out{0, min_of(deepest, (at_end + up_q10 - 1023) >> 10)};
   if (kUpright && q_q20 < 0) {
-    if (!kNear && cone.inverse_a_q16 == 0) {
-      return plain_cells_near<kForm>(cone, x, y, deepest);
+    if (cone.inverse_a_q16 == 0) {
+      return plain_cells_otherwise(cone, x, y, deepest);
     }
-    out.first = max_of(0, cell_of_far_root<kNear>(cone, q_q20, up_q10));
+    const auto far_q10 = static_cast<std::int32_t>(product(q_q20 >> 6, cone.inverse_a_q16) >> 20);
+    out.first = max_of(0, (far_q10 + up_q10) >> 10);
   } else {
     if (q_q20 <= 0) {
       return plain_cells_otherwise(cone, x, y, deepest);
     }
-    out.first = max_of(0, cell_of_root<kNear>(c_q20, q_q20, up_q10));
+    out.first = max_of(0, cell_of_root(c_q20, q_q20, up_q10));
     if (!kUpright) {
-      const std::int32_t behind = cell_of_far_root<kNear>(cone, q_q20, up_q10 + 1);
-      // Both roots are one, and rounding parts them.
-      if (out.first >= behind) {
+      if (cone.inverse_a_q16 == 0) {
         return plain_cells_otherwise(cone, x, y, deepest);
       }
-      out.last = min_of(out.last, behind - 1);
+      const auto far_q10 = static_cast<std::int32_t>(product(q_q20 >> 6, cone.inverse_a_q16) >> 20);
+      // Both roots are one, and rounding parts them.
+      if (out.first >= (far_q10 + up_q10) >> 10) {
+        return plain_cells_otherwise(cone, x, y, deepest);
+      }
+      out.last = min_of(out.last, (far_q10 + up_q10 - 1023) >> 10);
     }
   }
-  // The cone's beginning: a column forward of the transducer enters it no higher than the transducer stands, unless the
-  // widened cone holds the transducer's own depth there.
-  if (p_q10 < 0 || (kNear && c_q20 < 0)) {
+  // The cone's beginning: a column forward of the transducer enters it no higher than the transducer stands.
+  if (p_q10 < 0) {
     const auto at_start = static_cast<std::int32_t>(product(-p_q10, cone.inverse_down_q12) >> 12);
     out.first = max_of(out.first, (at_start + up_q10) >> 10);
   }
