@@ -8,15 +8,10 @@
 #include <cstdint>
 #include <cstring>
 
-#include "firmware/m7/cost_file.hpp"
 #include "firmware/m7/entry_points.hpp"
-#include "firmware/m7/say.hpp"
-#include "firmware/pipeline/link_map.hpp"
-#include "hal/m7/clock.hpp"
-#include "hal/m7/semihost.hpp"
+#include "firmware/m7/measure.hpp"
 #include "model/base/fixed.hpp"
 #include "model/column_kernels.hpp"
-#include "model/model.hpp"
 #include "proto/framing.hpp"
 #include "proto/tile_coder.hpp"
 
@@ -26,31 +21,20 @@ namespace base = leadline::base;
 namespace firmware = leadline::firmware;
 namespace model = leadline::model;
 namespace proto = leadline::proto;
-using firmware::m7::CostHeader;
 using firmware::m7::CostPing;
+using firmware::m7::counter;
+using firmware::m7::header;
+using firmware::m7::link_map;
 using firmware::m7::PreparedColumn;
 using firmware::m7::say_number;
+using firmware::m7::take;
+using firmware::m7::the_model;
 using leadline::hal::m7::InstructionCounter;
 using leadline::hal::m7::say;
 
-constexpr std::uint32_t kOk = 0;
-constexpr std::uint32_t kUsage = 2;
-constexpr std::uint32_t kInput = 3;
-
-[[gnu::section(".bss.leadline.vehicle")]] model::Model the_model;
-[[gnu::section(".bss.leadline.tools")]] firmware::LinkMap link_map;
-[[gnu::section(".bss.leadline.tools")]] model::LocalizationTable table;
 [[gnu::section(".bss.leadline.tools")]] PreparedColumn prepared[firmware::m7::kMostPreparedColumns];
 [[gnu::section(".bss.leadline.tools")]] model::TileId touched[model::kTileCapacity];
-CostHeader header;
-model::ModelConfig config;
 CostPing record;
-InstructionCounter counter;
-
-template <typename T>
-bool take(leadline::hal::m7::HostFile& file, T* out, std::size_t count = 1) {
-  return file.read(reinterpret_cast<std::uint8_t*>(out), sizeof(T) * count) == sizeof(T) * count;
-}
 
 // What the calls that measure cost by themselves.
 std::uint32_t counting_ticks() {
@@ -149,11 +133,7 @@ void extract_and_code() {
   link_map.reset(the_model.grid().tile_count());
   static std::uint8_t packet[proto::kMaxPayload_bytes];
   static firmware::TileCells cells;
-  say_stage("compared", touched, tiles, [](model::TileId tile) {
-    link_map.present(the_model, tile, cells);
-    (void)link_map.owed(tile, cells).count();
-    return static_cast<std::uint32_t>(cells.size());
-  });
+  say_stage("compared", touched, tiles, firmware::m7::compare_tile);
   std::uint64_t code_ticks = 0;
   std::uint64_t bytes = 0;
   std::uint64_t coded = 0;
@@ -253,43 +233,23 @@ void compare_loops() {
   report("shell", counter.ticks() - begin, minimal, total);
 }
 
-std::uint32_t run(const char* path) {
-  leadline::hal::m7::HostFile file;
-  if (!file.open(path, leadline::hal::m7::OpenMode::kReadBytes) || !take(file, &header) ||
-      header.magic != firmware::m7::kCostMagic ||
-      std::memcmp(header.sizes, firmware::m7::kCostSizes, sizeof header.sizes) != 0 ||
-      !take(file, &config) || !take(file, &table)) {
-    say("cost: error: the file cannot be read, or is of another version\n");
-    return kInput;
-  }
-  const base::Status status = the_model.configure(config, &table, sizeof table);
-  if (status != base::Status::kOk) {
-    say("cost: error: the model refuses this configuration: ");
-    say(base::status_text(status));
-    say("\n");
-    return kInput;
-  }
+std::uint32_t run(leadline::hal::m7::HostFile& file) {
   if (!fly(file)) {
-    say("cost: error: the file ends early\n");
-    return kInput;
+    firmware::m7::say_error("cost", "the file ends early");
+    return firmware::m7::kInput;
   }
   file.close();
   say_number("map_hash ", the_model.grid().map_hash());
   say("\n");
   extract_and_code();
   compare_loops();
-  return kOk;
+  return firmware::m7::kMeasured;
 }
 
 }  // namespace
 
 extern "C" void leadline_main() {
-  firmware::m7::end_after_fault(kInput);
-  counter.start();
-  const char* const path = firmware::m7::command_argument();
-  if (path == nullptr) {
-    say("cost: error: no file on the command line\n");
-    leadline::hal::m7::exit(kUsage);
-  }
-  leadline::hal::m7::exit(run(path));
+  leadline::hal::m7::HostFile file;
+  firmware::m7::begin_measuring("cost", file);
+  leadline::hal::m7::exit(run(file));
 }

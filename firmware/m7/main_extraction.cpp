@@ -8,42 +8,30 @@
 #include <cstdint>
 #include <cstring>
 
-#include "firmware/m7/cost_file.hpp"
 #include "firmware/m7/entry_points.hpp"
-#include "firmware/m7/say.hpp"
+#include "firmware/m7/measure.hpp"
 #include "firmware/pipeline/extraction_pass.hpp"
-#include "firmware/pipeline/link_map.hpp"
 #include "firmware/pipeline/tile_set.hpp"
-#include "hal/m7/clock.hpp"
-#include "hal/m7/semihost.hpp"
 #include "model/base/fixed.hpp"
-#include "model/model.hpp"
 
 namespace {
 
 namespace base = leadline::base;
 namespace firmware = leadline::firmware;
 namespace model = leadline::model;
-using firmware::m7::CostHeader;
+using firmware::m7::compare_tile;
+using firmware::m7::config;
+using firmware::m7::counter;
 using firmware::m7::say_number;
+using firmware::m7::the_model;
 using leadline::hal::m7::InstructionCounter;
 using leadline::hal::m7::say;
-
-constexpr std::uint32_t kOk = 0;
-constexpr std::uint32_t kUsage = 2;
-constexpr std::uint32_t kInput = 3;
 
 constexpr std::uint32_t kTileColumns = model::kTileCells * model::kTileCells;
 constexpr std::uint32_t kTileBudget = 1;
 
-[[gnu::section(".bss.leadline.vehicle")]] model::Model the_model;
-[[gnu::section(".bss.leadline.tools")]] firmware::LinkMap link_map;
 [[gnu::section(".bss.leadline.tools")]] firmware::ExtractionPass pass;
 [[gnu::section(".bss.leadline.tools")]] firmware::TileSet waiting;
-[[gnu::section(".bss.leadline.tools")]] model::LocalizationTable table;
-CostHeader header;
-model::ModelConfig config;
-InstructionCounter counter;
 std::uint32_t touches = 0;
 
 // xorshift32.
@@ -227,12 +215,6 @@ Box around(std::int32_t reach) {
   return Box{kMiddle - reach, kMiddle + reach, kMiddle - reach, kMiddle + reach};
 }
 
-void compare(model::TileId tile) {
-  static firmware::TileCells cells;
-  link_map.present(the_model, tile, cells);
-  (void)link_map.owed(tile, cells).count();
-}
-
 /// Makes the map what `stage` finds, with all before it done.
 void prepare(Stage stage, const Columns& columns, const Box& box) {
   fill(columns, box);
@@ -254,7 +236,7 @@ std::uint32_t work(Stage stage, model::TileId tile) {
     the_model.smooth_changed_tile(tile);
   } else {
     the_model.assess_changed_tile(tile);
-    compare(tile);
+    compare_tile(tile);
   }
   return counter.ticks() - begin;
 }
@@ -320,7 +302,7 @@ std::uint32_t dearest_cycle(const Columns& columns) {
         const firmware::ExtractionPass::Step step = pass.step(the_model);
         done += step.columns;
         if (step.finished) {
-          compare(step.tile);
+          compare_tile(step.tile);
         }
       }
       dearest = base::max_of(dearest, counter.ticks() - begin);
@@ -329,29 +311,14 @@ std::uint32_t dearest_cycle(const Columns& columns) {
   return dearest;
 }
 
-template <typename T>
-bool take(leadline::hal::m7::HostFile& file, T* out) {
-  return file.read(reinterpret_cast<std::uint8_t*>(out), sizeof(T)) == sizeof(T);
-}
-
-std::uint32_t run(const char* path) {
-  leadline::hal::m7::HostFile file;
-  if (!file.open(path, leadline::hal::m7::OpenMode::kReadBytes) || !take(file, &header) ||
-      header.magic != firmware::m7::kCostMagic ||
-      std::memcmp(header.sizes, firmware::m7::kCostSizes, sizeof header.sizes) != 0 ||
-      !take(file, &config) || !take(file, &table)) {
-    say("extraction: error: the file cannot be read, or is of another version\n");
-    return kInput;
-  }
+std::uint32_t run(leadline::hal::m7::HostFile& file) {
   file.close();
   constexpr std::int32_t kLeastTiles = 2 * kMiddle + 1;
-  if (the_model.configure(config, &table, sizeof table) != base::Status::kOk ||
-      the_model.grid().tiles_north() < kLeastTiles || the_model.grid().tiles_east() < kLeastTiles) {
-    say("extraction: error: the model refuses this configuration, or it has fewer than 7 x 7 "
-        "tiles\n");
-    return kInput;
+  if (the_model.grid().tiles_north() < kLeastTiles || the_model.grid().tiles_east() < kLeastTiles) {
+    firmware::m7::say_error("extraction", "fewer than 7 x 7 tiles");
+    return firmware::m7::kInput;
   }
-  link_map.reset(the_model.grid().tile_count());
+  firmware::m7::link_map.reset(the_model.grid().tile_count());
   pass.reset();
   struct Plan {
     const char* name;
@@ -372,18 +339,13 @@ std::uint32_t run(const char* path) {
                InstructionCounter::instructions(dearest_cycle(found.columns)));
     say("\n");
   }
-  return kOk;
+  return firmware::m7::kMeasured;
 }
 
 }  // namespace
 
 extern "C" void leadline_main() {
-  firmware::m7::end_after_fault(kInput);
-  counter.start();
-  const char* const path = firmware::m7::command_argument();
-  if (path == nullptr) {
-    say("extraction: error: no file on the command line\n");
-    leadline::hal::m7::exit(kUsage);
-  }
-  leadline::hal::m7::exit(run(path));
+  leadline::hal::m7::HostFile file;
+  firmware::m7::begin_measuring("extraction", file);
+  leadline::hal::m7::exit(run(file));
 }
