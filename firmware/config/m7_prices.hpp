@@ -9,17 +9,17 @@ namespace leadline::host::m7 {
 /// Of each kind of work of a ping (model::PingWork), at most; toolchain/timing.sh --search compares every ping that it
 /// replays.
 struct PingPrices {
-  double fixed = 6000;
-  double column_read = 1400;
-  double cell_read = 5;
-  double shell_row = 350;
+  double fixed = 7000;
+  double column_read = 1850;
+  double cell_read = 30;
+  double shell_row = 410;
   double shell_candidate = 38;
-  double shell_column = 60;
-  double shell_voxel = 9;
-  double cone_row = 650;
-  double cone_candidate = 225;
+  double shell_column = 66;
+  double shell_voxel = 14.5;
+  double cone_row = 680;
+  double cone_candidate = 245;
   double cone_column = 30;
-  double cone_run = 110;
+  double cone_run = 112;
   double cone_voxel = 4.2;
 };
 inline constexpr PingPrices kPingPrices;

@@ -140,7 +140,7 @@ void extract_and_code() {
   for (std::uint32_t i = 0; i < tiles; ++i) {
     const std::uint32_t begin = counter.ticks();
     link_map.present(the_model, touched[i], cells);
-    const proto::TileUpdate update{touched[i], link_map.next_generation(touched[i]), cells.data(),
+    const proto::TileUpdate update{touched[i], i + 1, cells.data(),
                                    link_map.owed(touched[i], cells)};
     proto::CellMask taken{};
     const auto size = proto::encode_tile(update, 1, packet, sizeof packet, taken);
