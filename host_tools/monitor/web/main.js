@@ -16,7 +16,7 @@ const page = {
   connected: false, state: null, store: null, epoch: -1, stale: null, track: new Float32Array(0),
   tool: "inspect", points: [], hover: null, marker: null, aim: false, follow: false, fitted: false, userMoved: false,
   mode: "depth", exaggeration: 2, contours: "auto", obstacles: false, obstacleM: NaN, fresh: [], dirty: true,
-  depthFromM: NaN, depthToM: NaN,
+  depthFromM: NaN, depthToM: NaN, drawnMs: 0, costMs: 0,
 };
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -190,8 +190,13 @@ function contourStep(range) {
 
 function frame(nowMs) {
   requestAnimationFrame(frame);
+  if (page.costMs === null) page.costMs = nowMs - page.drawnMs;
   if (!scene || !page.dirty) return;
+  // While a map is still loading, drawing takes a third of the time at most: slow graphics do not hold it up.
+  if (!page.complete && nowMs - page.drawnMs < 3 * page.costMs) return;
   page.dirty = false;
+  page.drawnMs = nowMs;
+  page.costMs = null; // the next call comes when this picture is done
   const store = page.store;
   const free = margins();
   if (page.userMoved) scene.glide = null;

@@ -17,10 +17,13 @@ const GLIDE_MS = 400;
 
 const COARSE = 8; // beside a texel's flags: it stands in for cells that have not come
 
-/** A cell as a texel: depth, sigma code + 1, time, flags. */
-function texel(tile, k) {
-  const over = tile[k] & 31 ? 0 : coarseOver(tile, k);
-  return over & 31 ? [over >>> 8, over & 31, 0, COARSE] : [tile[k] >>> 8, tile[k] & 31, tile[TILE_AREA + k], (tile[k] >>> 5) & 7];
+/** A cell as a texel, at `at` of `out`: depth, sigma code + 1, time, flags. */
+function texel(tile, k, out, at) {
+  const over = tile[k] & 31 ? 0 : coarseOver(tile, k), word = over & 31 ? over : tile[k];
+  out[at] = word >>> 8;
+  out[at + 1] = word & 31;
+  out[at + 2] = over & 31 ? 0 : tile[TILE_AREA + k];
+  out[at + 3] = over & 31 ? COARSE : (word >>> 5) & 7;
 }
 
 const vertexShader = `
@@ -246,7 +249,7 @@ export class SeafloorScene {
   /** Uploads one tile: into its chunk and, at a chunk's rim, into the neighbours'. */
   setTile(id, tile) {
     const data = this.patch.image.data;
-    for (let k = 0; k < TILE_AREA; k++) data.set(texel(tile, k), 4 * k);
+    for (let k = 0; k < TILE_AREA; k++) texel(tile, k, data, 4 * k);
     const tilesPerChunk = CHUNK / TILE_SIDE;
     const row = Math.floor(id / this.store.tilesEast), column = id % this.store.tilesEast;
     const chunkRow = Math.floor(row / tilesPerChunk), chunkColumn = Math.floor(column / tilesPerChunk);
@@ -290,12 +293,13 @@ export class SeafloorScene {
   }
 
   #fillRim(chunk) {
-    const put = (n, e, x, y) => {
+    const put = (n, e, out, at) => {
       const north = chunk.row * CHUNK + n, east = chunk.column * CHUNK + e;
-      if (north < 0 || east < 0) return null;
+      if (north < 0 || east < 0) return false;
       const tile = this.store.tiles.get(Math.floor(north / TILE_SIDE) * this.store.tilesEast + Math.floor(east / TILE_SIDE));
-      if (!tile || east >= this.store.tilesEast * TILE_SIDE) return null;
-      return texel(tile, (north % TILE_SIDE) * TILE_SIDE + (east % TILE_SIDE));
+      if (!tile || east >= this.store.tilesEast * TILE_SIDE) return false;
+      texel(tile, (north % TILE_SIDE) * TILE_SIDE + (east % TILE_SIDE), out, at);
+      return true;
     };
     const sides = [
       { width: TEXTURE, height: 1, x: 0, y: 0, at: (i) => [-1, i - 1] },
@@ -306,13 +310,7 @@ export class SeafloorScene {
     for (const side of sides) {
       const strip = new Float32Array(4 * TEXTURE);
       let any = false;
-      for (let i = 0; i < TEXTURE; i++) {
-        const cell = put(...side.at(i));
-        if (cell) {
-          strip.set(cell, 4 * i);
-          any = true;
-        }
-      }
+      for (let i = 0; i < TEXTURE; i++) any = put(...side.at(i), strip, 4 * i) || any;
       if (any) this.#upload(chunk, new DataTexture(strip, side.width, side.height, RGBAFormat, FloatType), side.x, side.y);
     }
   }
