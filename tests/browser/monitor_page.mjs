@@ -98,9 +98,9 @@ step("without a link the page says so", async () => {
 });
 
 step("coarse cells: seen at once, as what they are", async () => {
-  // The vector of proto/SPEC.md, for coarse tile 0 of this survey: 64 cells to the north, 32 to the east, before any other.
+  // The vector of proto/SPEC.md, for coarse tile 0 of this survey, frame 5: 64 cells to the north, 32 to the east, before any other.
   const delta = frames.find((frame) => frame[2] === 2);
-  const coarse = Buffer.from("0934120100" + "7f00b636bfd6a584d13a2ce956d9f9c3e754d18bb39e5d8c", "hex");
+  const coarse = Buffer.from("093412010005" + "7f00b636bfd6a584d13a2ce956d9f9c3e754d18bb39e5d8c", "hex");
   unframed(delta).copy(coarse, 1, 1, 3); // the survey's tag
   await sendFrames([hello, framed(coarse)], live.port, 0, 1);
   await until(() => window.leadline.page.complete && window.leadline.page.store?.coarse === 128);
