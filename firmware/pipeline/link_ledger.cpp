@@ -15,9 +15,10 @@ constexpr TimeUs kLeastSlack_us = 10'000;
 constexpr TimeUs kMostPatience_us = 60'000'000;
 constexpr int kEvenTimeouts = 3;
 constexpr std::uint32_t kManyCells = 1U << 20U;
-// Of may_repeat(): 1.2.
-constexpr std::uint32_t kMostSpent_q16 = 78'643;
+// Of may_repeat(): 1.15.
+constexpr std::uint32_t kMostSpent_q16 = 75'366;
 constexpr std::uint32_t kFewPart = 8;
+constexpr TimeUs kQuickFrames = 2;
 constexpr std::uint32_t kFirstLoss_q16 = 19'661;
 // The estimate follows the last 16 frames.
 constexpr unsigned kMostQuestion_log2 = 8;
@@ -39,7 +40,7 @@ void LinkLedger::reset(TimeUs first_patience_us, std::uint32_t number) {
   under_way_ = 0;
   telling_count_ = 0;
   given_up_ = 0;
-  round_trip_us_ = report_gap_us_ = 0;
+  round_trip_us_ = report_gap_us_ = frame_us_ = 0;
   waiting_since_us_ = 0;
   last_report_us_ = 0;
   busy_since_us_ = 0;
@@ -83,7 +84,9 @@ bool LinkLedger::give_up_oldest(FrameTile& tile) {
   return false;
 }
 
-void LinkLedger::sent(const FrameTile* tiles, std::size_t tile_count, TimeUs through_us) {
+void LinkLedger::sent(const FrameTile* tiles, std::size_t tile_count, TimeUs through_us,
+                      TimeUs frame_us) {
+  frame_us_ = frame_us;
   for (std::size_t i = 0; i < tile_count; ++i) {
     tiles_[(tiles_end_ + i) % kFrameTiles] = tiles[i];
   }
@@ -165,16 +168,20 @@ bool LinkLedger::may_repeat(std::uint32_t number) const {
   return spent * (65'536U - long_loss_q16_) <= once * kMostSpent_q16;
 }
 
-// How long a frame waits for a word: a line that loses and has nothing else to carry may as well carry it again when the
-// word is about due. Else when it is overdue.
+// How long a frame waits for a word. Where a frame takes longer than the word, a question goes before it is repeated; where
+// round trips are long, a line that loses and has nothing else to carry may as well carry it again when it is about due.
 TimeUs LinkLedger::silence_us(std::uint32_t number, bool idle) const {
+  // Before anything is known of it, a line is one that loses.
+  const bool loses = loses_ || round_trip_us_ == 0;
+  const bool quick = named_us() < kQuickFrames * frame_us_;
   if (!idle) {
     return 3 * patience_us();
   }
-  // Before anything is known of it, a line is one that loses.
-  const bool loses = loses_ || round_trip_us_ == 0;
   if (!loses || !may_repeat(number)) {
     return patience_us();
+  }
+  if (quick) {
+    return named_us() + frame_us_ / 4;
   }
   // Of the last few the bytes are little and the round trips all.
   const bool few = under_way_cells_ * kFewPart < sent_cells_ - owed_again_cells_;

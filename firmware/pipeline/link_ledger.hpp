@@ -48,8 +48,10 @@ class LinkLedger {
   /// Gives up the oldest frame that is under way, and tells its tiles one by one: false when it has no more
   /// (it is out then). Only while under_way_frames() > 0.
   [[nodiscard]] bool give_up_oldest(FrameTile& tile);
-  /// A frame leaves; has_room(tile_count) holds. through_us: when its last byte will be through the line.
-  void sent(const FrameTile* tiles, std::size_t tile_count, base::TimeUs through_us);
+  /// A frame leaves; has_room(tile_count) holds. through_us: when its last byte will be through the line; it takes
+  /// frame_us of that.
+  void sent(const FrameTile* tiles, std::size_t tile_count, base::TimeUs through_us,
+            base::TimeUs frame_us);
 
   /// A report that came at `now_us` names a frame (its number modulo 2^16). While next_confirmed() gives tiles, they
   /// came: kCame, and those of kCameLate after next_lost() had told them. O(1).
@@ -133,6 +135,7 @@ class LinkLedger {
   std::uint8_t given_up_ = 0;  ///< tiles of the oldest frame that give_up_oldest() has told
   base::TimeUs first_patience_us_ = 0;
   base::TimeUs round_trip_us_ = 0;
+  base::TimeUs frame_us_ = 0;       ///< of the newest
   base::TimeUs report_gap_us_ = 0;  ///< between two reports while frames are under way
   base::TimeUs waiting_since_us_ = 0;
   base::TimeUs last_report_us_ = 0;

@@ -183,6 +183,8 @@ void Vehicle::restart_link() {
   ledger_.reset(first_patience_us(), ledger_.next_number());
   coarse_.reset(model_.grid().tile_count());
   digest_asked_ = proto::TileRange{};
+  watch_.status_due_us = link_us_;
+  watch_.statuses = 1;  // a brief
   watch_.digest_gap_us = kFirstHelloGap_us;
   watch_.digest_sent_us = link_us_;
   watch_.digest_due_us = link_us_ + kFirstHelloGap_us;
@@ -329,7 +331,8 @@ bool Vehicle::put_frame(std::size_t payload_bytes, std::size_t tile_count) {
       }
     }
   }
-  ledger_.sent(frame_tiles_.data(), tile_count, link_us_ + line_time_us(downlink_.backlog_bytes()));
+  ledger_.sent(frame_tiles_.data(), tile_count, link_us_ + line_time_us(downlink_.backlog_bytes()),
+               line_time_us(payload_bytes));
   for (std::size_t i = 0; i < tile_count; ++i) {
     if (!frame_tiles_[i].coarse) {
       link_map_.note_under_way(frame_tiles_[i].tile);

@@ -10,14 +10,14 @@ namespace {
 
 // Bytes up for bytes that were sent down; while nothing comes and something is missing, this share of what the link
 // could carry meanwhile, up to a report. The first are on credit.
-constexpr double kShare = 0.085;
+constexpr double kShare = 0.09;
 constexpr double kMostSentOfCame = 1.7;
 constexpr double kTimeShare = 0.01;
 constexpr double kReport_bytes = 15.0;
 constexpr double kMost_bytes = 256.0;
 constexpr double kRich_bytes = 40.0;
 constexpr double kMostDebt_bytes = 32.0;
-constexpr double kAnswerDebt_bytes = 16.0;
+constexpr double kAnswerDebt_bytes = 12.0;
 constexpr double kPausedDebt_bytes = 0.0;
 // A report may be lost itself: every frame stands in so many.
 constexpr int kReports = 4;

@@ -82,7 +82,7 @@ class UplinkPlanner {
   base::TimeUs ask_gap_us_ = 0;
   std::optional<proto::Look> look_;
   base::TimeUs look_us_ = 0;
-  double payable_bytes_ = 26.0;
+  double payable_bytes_ = 18.0;
   base::TimeUs earned_us_ = 0;
   bool agreed_ = false;
 };

@@ -93,14 +93,14 @@ TEST(a_bad_line_converges_within_its_bounds) {
                   bytes_sum / kSeeds, bytes_most, bytes_within, up_most, time_sum / kSeeds,
                   time_most, time_within);
       std::fflush(stdout);
-      // Of 30 tiles single runs hang on luck: a byte more in a brief deals all seeds anew, and 16 to 20 of them keep
+      // Of 30 tiles single runs hang on luck: a byte more in a brief deals all seeds anew, and 18 to 20 of them keep
       // the demand. Most must, and the mean; a hello more in B0 is 4 % of it.
-      assert_true(bytes_sum / kSeeds <= 1.2 && bytes_most <= 1.8);
+      assert_true(bytes_sum / kSeeds <= 1.2 && bytes_most <= 1.6);
       assert_true(up_most <= 0.1);
-      assert_true(bytes_within >= 14);
+      assert_true(bytes_within >= 16);
       // A line that carries all in a few round trips waits for these instead.
       if (ideal_bytes / bytes_per_s > 1.0) {
-        assert_true(time_sum / kSeeds <= 1.3 && time_within >= 14);
+        assert_true(time_sum / kSeeds <= 1.2 && time_within >= 16);
       } else {
         assert_true(time_sum / kSeeds <= 2.5);
       }
@@ -165,7 +165,7 @@ TEST(after_a_cut_the_vehicle_hands_over_what_was_missed) {
     const double after_s = result.seconds - 1e-6 * static_cast<double>(options.cut_until_us);
     std::printf("cut for %lld min: equal %.1f s later, %u tiles\n", static_cast<long long>(minutes),
                 after_s, result.tiles);
-    assert_true(after_s > 0.0 && after_s < 240.0);
+    assert_true(after_s > 0.0 && after_s < 120.0);
     settle_vehicle(&vehicle, &t_us, 20'000);
   }
 }

@@ -23,7 +23,7 @@ void send(std::uint32_t number, TimeUs t_us, const std::vector<std::uint32_t>& t
   }
   assert_true(ledger.has_room(carried.size()));
   assert_int_equal(ledger.next_number(), number);
-  ledger.sent(carried.data(), carried.size(), t_us);
+  ledger.sent(carried.data(), carried.size(), t_us, 1000);
 }
 
 std::vector<std::uint32_t> named(LinkLedger::Word wanted, std::uint32_t number, TimeUs t_us) {
@@ -176,7 +176,7 @@ TEST(an_idle_line_repeats_within_its_means) {
   for (const std::uint32_t tile : again) {
     send(ledger.next_number(), 61'000, {tile});
   }
-  // 40 cells in all, a loss of some 15 %: 1.2 x 40 / 0.85 is all that it may cost.
+  // 40 cells in all, a loss of some 15 %: 1.15 x 40 / 0.85 is all that it may cost.
   std::size_t sent = 44 + again.size();
   for (TimeUs t_us = 62'000; t_us < 80'000; t_us += 1000) {
     for (const std::uint32_t tile : lost(t_us, true)) {
