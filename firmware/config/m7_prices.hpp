@@ -23,7 +23,7 @@ struct PingPrices {
   double cone_voxel = 4.2;
 };
 inline constexpr PingPrices kPingPrices;
-/// What pings of surveys cost of these prices (0.866 to 0.873 of three kinds).
+/// What pings of surveys cost of these prices, at most (0.858, 0.836, 0.786, 0.703 of four kinds, the large first).
 inline constexpr double kUsualPing = 0.87;
 
 /// Of a column in each stage of extraction and of comparing it with what the link has, as of surveys over full maps.
