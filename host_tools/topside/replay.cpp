@@ -62,13 +62,15 @@ std::string result_json(const ReplayResult& result) {
   return text + "\n}\n";
 }
 
-/// What may be the reason that a replay is not the flight; "" where nothing in the log tells one.
+/// How a replay is not the flight, and what may be the reason; "" where nothing in the log tells one.
 std::string difference_text(const ReplayResult& result, const proto::LogHeader& header) {
   if (!result.log.complete()) {
     return " (the log has gaps, see above)";
   }
   if (header.protocol_minor == proto::kProtocolMinor) {
-    return "";
+    return result.now.map_hash == result.then->map_hash
+               ? " (the map is the same, what the link said is not)"
+               : "";
   }
   return " (by a program of protocol " + std::to_string(header.protocol_major) + "." +
          std::to_string(header.protocol_minor) + ", this one speaks " +
