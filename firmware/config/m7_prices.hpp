@@ -39,7 +39,7 @@ inline constexpr UsualColumn kUsualColumn;
 /// Of a column at most; toolchain/timing.sh --search climbs towards it. Smoothing: of columns where few pings passed, all
 /// at odds with each other.
 inline constexpr std::uint32_t kMostRead = 2450;
-inline constexpr std::uint32_t kMostReadCell = 175;
+inline constexpr std::uint32_t kMostReadCell = 182;
 inline constexpr std::uint32_t kMostSmoothed = 16'000;
 inline constexpr std::uint32_t kMostAssessed = 4'300;  ///< and compared
 /// Of finding a pass's next step, for each tile of the grid, and of beginning a pass: in a cycle, at most.
