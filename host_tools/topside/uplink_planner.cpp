@@ -9,8 +9,10 @@ namespace leadline::host {
 namespace {
 
 // Bytes up for bytes that were sent down; while nothing comes and something is missing, this share of what the link
-// could carry meanwhile, up to a report. The first are on credit.
-constexpr double kShare = 0.09;
+// could carry meanwhile, up to a report. The first are on credit, which part of that share pays back: else they would make
+// a small map's way up more than a tenth.
+constexpr double kShare = 0.095;
+constexpr double kRepay = 0.03;
 constexpr double kMostSentOfCame = 1.7;
 constexpr double kTimeShare = 0.01;
 constexpr double kReport_bytes = 15.0;
@@ -167,8 +169,10 @@ double UplinkPlanner::sent_of_came() const {
 }
 
 void UplinkPlanner::note_bytes(std::size_t wire_bytes) {
-  payable_bytes_ = std::min(
-      payable_bytes_ + kShare * sent_of_came() * static_cast<double>(wire_bytes), kMost_bytes);
+  const double sent_bytes = sent_of_came() * static_cast<double>(wire_bytes);
+  const double repaid_bytes = std::min(credit_bytes_, kRepay * sent_bytes);
+  credit_bytes_ -= repaid_bytes;
+  payable_bytes_ = std::min(payable_bytes_ + kShare * sent_bytes - repaid_bytes, kMost_bytes);
 }
 
 // Where nothing comes, a report now and then.

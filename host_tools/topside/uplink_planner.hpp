@@ -83,6 +83,7 @@ class UplinkPlanner {
   std::optional<proto::Look> look_;
   base::TimeUs look_us_ = 0;
   double payable_bytes_ = 18.0;
+  double credit_bytes_ = 18.0;  ///< of these, not yet paid back
   base::TimeUs earned_us_ = 0;
   bool agreed_ = false;
 };

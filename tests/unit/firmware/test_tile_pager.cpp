@@ -387,8 +387,9 @@ TEST(who_must_wait_too_long_is_shed_and_counted) {
   store.announce();
   store.fail(20);
   const Flight flight = fly(soundings, &store, 2);
-  assert_true(!pager.failing());
+  // A board's smaller flight ends while saves still fail.
   finish(&store);
+  assert_true(!pager.failing());
   report("no patience", flight);
   assert_true(flight.shed > 0);
   assert_int_equal(pager.counters().saves_failed, 20);
