@@ -31,7 +31,7 @@ enum class DepthMethod : std::uint8_t {
 /// `hit`, unless its empty evidence is larger (kLogOdds), or hit - miss where positive
 /// (kWeightedMean, whose empty evidence leaves traces in both halves). O(depth), no division per voxel.
 /// Reads past the column as gather_profile() does.
-[[nodiscard]] ColumnDepth column_depth(const Voxel* voxels, std::int32_t depth_cells,
+[[nodiscard]] ColumnDepth column_depth(const Voxel* column_voxels, std::int32_t column_cells,
                                        DepthMethod method, Rule rule);
 
 /// Half of a voxel's range: a column below it can take as much again before anything saturates.

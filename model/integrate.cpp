@@ -43,8 +43,8 @@ struct RadiusRow {
 constexpr std::int64_t kEntriesPerUnit_q10 = 27079;  // kProfileSteps / 4.84
 constexpr std::uint32_t kProfileEnd_q12 = static_cast<std::uint32_t>(kProfileSteps) << 12U;
 
-constexpr std::int64_t square_q32(std::int32_t a_q16, std::int32_t b_q16) {
-  return std::int64_t{a_q16} * a_q16 + std::int64_t{b_q16} * b_q16;
+constexpr std::int64_t square_q32(std::int32_t xi_q16, std::int32_t eta_q16) {
+  return std::int64_t{xi_q16} * xi_q16 + std::int64_t{eta_q16} * eta_q16;
 }
 
 // Of rows whose coordinates change by so much a column: 2 |step|^2.
@@ -307,6 +307,47 @@ inline std::int32_t add_shell_column(const Context& shell, Voxel* voxels, std::i
   return count;
 }
 
+// Weight of the beam from column to column of a row.
+template <bool kTwoAxis>
+class LateralWalk {
+ public:
+  LateralWalk(std::int32_t xi_step_q16, std::int32_t eta_step_q16)
+      : xi_step_q16_(xi_step_q16),
+        eta_step_q16_(eta_step_q16),
+        step_squared_q32_(square_q32(xi_step_q16, eta_step_q16)),
+        bend_q12_(kTwoAxis ? 0 : radius_second_difference_q12(step_squared_q32_)) {}
+
+  void begin_row(std::int32_t xi_q16, std::int32_t eta_q16) {
+    if (kTwoAxis) {
+      xi_q16_ = xi_q16;
+      eta_q16_ = eta_q16;
+    } else {
+      radius_ = radius_row(xi_q16, eta_q16, xi_step_q16_, eta_step_q16_, step_squared_q32_);
+    }
+  }
+  std::uint32_t next_q15(const std::uint16_t* along, const std::uint16_t* across) {
+    if (kTwoAxis) {
+      const std::uint32_t weight_q15 = two_axis_weight_q15(along, across, xi_q16_, eta_q16_);
+      xi_q16_ += xi_step_q16_;
+      eta_q16_ += eta_step_q16_;
+      return weight_q15;
+    }
+    const std::uint32_t at_q12 = radius_.value_q12;
+    radius_.value_q12 += radius_.step_q12;
+    radius_.step_q12 += bend_q12_;
+    return at_q12 < kProfileEnd_q12 ? along[at_q12 >> 12U] : 0U;
+  }
+
+ private:
+  std::int32_t xi_step_q16_;
+  std::int32_t eta_step_q16_;
+  std::int64_t step_squared_q32_;
+  std::uint32_t bend_q12_;
+  std::int32_t xi_q16_ = 0;
+  std::int32_t eta_q16_ = 0;
+  RadiusRow radius_{};
+};
+
 inline void note_evidence(ColumnRecord& record, std::uint32_t weight_q7, std::uint32_t now_ds,
                           std::int32_t blur_q8) {
   const std::uint32_t units = (weight_q7 >> 7U) + 1U;
@@ -329,25 +370,17 @@ std::uint32_t Model::add_shell_rows(const ShellEvent& event, const ShellContext&
   std::uint32_t rescale_candidate = kNoColumn;
   std::uint32_t all_voxels = 0;
   std::uint32_t all_columns = 0;
-  const std::int32_t xi_step = event.xi_de_q16;
-  const std::int32_t eta_step = event.eta_de_q16;
   const std::int32_t depth_step = event.depth_de_q16;
   const std::int32_t east0 = event.east0;
   const std::int32_t east1 = event.east1;
-  const std::int64_t step_squared_q32 = square_q32(xi_step, eta_step);
-  const std::uint32_t bend = kTwoAxis ? 0 : radius_second_difference_q12(step_squared_q32);
+  LateralWalk<kTwoAxis> lateral(event.xi_de_q16, event.eta_de_q16);
   const std::uint32_t column_dither = of_32_bits(kColumnDither);
   std::int32_t row_xi = event.xi0_q16;
   std::int32_t row_eta = event.eta0_q16;
   std::int32_t row_depth = event.depth0_q16;
   for (std::int32_t n = event.north0; n <= event.north1; ++n) {
-    std::int32_t xi = row_xi;
-    std::int32_t eta = row_eta;
+    lateral.begin_row(row_xi, row_eta);
     std::int32_t depth = row_depth;
-    RadiusRow radius{};
-    if (!kTwoAxis) {
-      radius = radius_row(xi, eta, xi_step, eta_step, step_squared_q32);
-    }
     // Dither follows the place in the grid, not in storage: the map must not depend on paging.
     std::uint32_t dither =
         shell.seed + static_cast<std::uint32_t>(n * kMaxSideCells + east0) * column_dither;
@@ -366,18 +399,8 @@ std::uint32_t Model::add_shell_rows(const ShellEvent& event, const ShellContext&
         voxels += shell.depth_cells;
         depth += depth_step;
         dither += column_dither;
-        std::uint32_t lateral_q15 = 0;
-        if (kTwoAxis) {
-          lateral_q15 = two_axis_weight_q15(shell.along, shell.across, xi, eta);
-          xi += xi_step;
-          eta += eta_step;
-        } else {
-          const std::uint32_t at_q12 = radius.value_q12;
-          radius.value_q12 += radius.step_q12;
-          radius.step_q12 += bend;
-          lateral_q15 = at_q12 < kProfileEnd_q12 ? shell.along[at_q12 >> 12U] : 0U;
-        }
-        const std::uint32_t weight_q7 = (shell.weight_q7 * lateral_q15) >> 15U;
+        const std::uint32_t weight_q7 =
+            (shell.weight_q7 * lateral.next_q15(shell.along, shell.across)) >> 15U;
         if (weight_q7 == 0) {
           continue;
         }
