@@ -151,8 +151,6 @@ class NavigationFilter {
   [[nodiscard]] bool vertical_started() const { return vertical_started_; }
   /// Roll, pitch and heading.
   [[nodiscard]] bool attitude_started() const { return level_started_ && heading_started_; }
-  [[nodiscard]] bool level_started() const { return level_started_; }
-  [[nodiscard]] bool heading_started() const { return heading_started_; }
 
   /// Position of the reference point `age_us` ago, micrometres.
   [[nodiscard]] std::int64_t position_um(base::Axis axis, base::TimeUs age_us) const;

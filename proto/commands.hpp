@@ -163,10 +163,6 @@ struct SlicePart {
   std::uint8_t row_count;  ///< 1 ..
 };
 
-/// Head of a part, at most; and of one row.
-inline constexpr std::size_t kMaxSliceHead_bytes = 1 + 2 + 4 + 1 + 3 * 3 + 4;
-inline constexpr std::size_t kMaxSliceRow_bytes = kMaxSliceSide;
-
 /// Writes the head, then rows as long as there is room.
 class SliceWriter {
  public:

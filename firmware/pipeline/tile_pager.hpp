@@ -126,8 +126,6 @@ class TilePager {
   [[nodiscard]] bool settled(const model::Grid& grid) const;
 
   [[nodiscard]] const PagerCounters& counters() const { return counters_; }
-  /// Generation that the store has of a tile; 0: none.
-  [[nodiscard]] std::uint32_t saved_generation(model::TileId tile) const { return saved_[tile]; }
 
  private:
   static constexpr model::TileId kNoTile = UINT32_MAX;
